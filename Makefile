@@ -4,6 +4,7 @@ VENV := .venv
 LOWEST := .venv-lowest
 PEERS := .venv-peers
 RAY := .venv-ray
+WARP := .venv-warp
 BIN := $(VENV)/bin
 PIP := -m pip install --quiet --disable-pip-version-check
 OUT ?= out/paper
@@ -11,14 +12,14 @@ BENCH ?= out/bench.json
 WORKERS ?= 2
 TESTS ?=
 NUMBERS ?=
-GATES := types test docs fresh thorough attack digests browser peers ray
+GATES := types test docs fresh thorough attack digests browser peers ray warp
 
-.PHONY: all reproduce test types pytest test-lowest docs films envelope numbers fresh browser thorough attack digests mutants bench peers ray lint hooks clean help
+.PHONY: all reproduce test types pytest test-lowest docs films envelope numbers fresh browser thorough attack digests mutants bench peers ray warp lint hooks clean help
 
 help:
 	@echo "make reproduce    fly the paper's five experiments on both plants; OUT=$(OUT) is the folder of the results"
 	@echo "make test         lint, and most tests (thorough, attack, digests: the rest); TESTS='tests/plant -k wind' runs these only"
-	@echo "make all          types, test, docs, fresh, thorough, attack, digests, browser, peers, ray, one after the other: an hour or two"
+	@echo "make all          types, test, docs, fresh, thorough, attack, digests, browser, peers, ray, warp, one after the other: an hour or two"
 	@echo "make pytest       these tests without lint; TESTS as above"
 	@echo "make test-lowest  every test on the lowest versions of pyproject.toml, in $(LOWEST); PYTHON must be 3.11"
 	@echo "make docs         fill the generated tables of the pages, build the site, out/docs/site/index.html; run all that README, docs and examples show"
@@ -34,6 +35,7 @@ help:
 	@echo "make bench        measure every engine, many flights, first and repeated ones, here; BENCH=$(BENCH) is the file of the numbers"
 	@echo "make peers        fly the other libraries of the bench once, in $(PEERS): two minutes; docs/performance.md has the long form"
 	@echo "make ray          sweeps on a Ray cluster of two nodes on this machine, one of them killed, in $(RAY): some minutes"
+	@echo "make warp         step every exported vehicle in MuJoCo Warp, on the CPU, and Newton beside MuJoCo, in $(WARP): some minutes"
 	@echo "make lint         ruff, import contract"
 	@echo "make types        mypy"
 	@echo "make hooks        run lint's quick parts before each commit (pre-commit, in $(VENV))"
@@ -187,9 +189,19 @@ $(RAY)/.installed: pyproject.toml constraints.txt
 ray: $(RAY)/.installed
 	$(RAY)/bin/pytest -n 0 tests/studies/flights/test_ray_*.py tests/test_docs_clusters.py
 
+# Newton asks for an older MuJoCo and steps on the one that skyarm needs, with a warning
+$(WARP)/.installed: pyproject.toml constraints.txt
+	rm -rf $(WARP)
+	$(PYTHON) -m venv $(WARP)
+	$(WARP)/bin/python $(PIP) -c constraints.txt mujoco-warp==4.0.0 newton==1.8.0 -e .
+	@touch $@
+
+warp: $(WARP)/.installed
+	$(WARP)/bin/python tests/plant/step_exported.py
+
 hooks: $(VENV)/.types
 	$(BIN)/python $(PIP) -c constraints.txt pre-commit
 	$(BIN)/pre-commit install
 
 clean:
-	rm -rf $(VENV) $(LOWEST) $(PEERS) $(RAY) out build dist .pytest_cache .mypy_cache .ruff_cache .import_linter_cache
+	rm -rf $(VENV) $(LOWEST) $(PEERS) $(RAY) $(WARP) out build dist .pytest_cache .mypy_cache .ruff_cache .import_linter_cache

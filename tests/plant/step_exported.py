@@ -1,9 +1,9 @@
 """Every shipped vehicle's exported MJCF beside MuJoCo Warp, Newton and this library's own plant on MuJoCo.
 
-``make warp`` runs it in an environment of its own. Asked: Warp on the CPU 0.2 s within 1e-5 m of MuJoCo on the same file;
-plant ``mujoco``, of a vehicle without what the file loses, 1 s within 1 mm; Newton, where it is installed, 0.2 s within
-1e-4 m: it keeps the file's numbers in single precision. A vehicle flies off from the file's keyframe with unequal
-thrusts. Usage: step_exported.py [VEHICLE ...].
+``make warp`` runs it in an environment of its own. Asked: Warp on the CPU 0.2 s within 1e-5 m of MuJoCo on the same
+file; plant ``mujoco``, of a vehicle without what the file loses, 1 s within 1 mm; Newton, where it is installed, 0.2 s
+within 1e-4 m, as it keeps the file's numbers in single precision. A vehicle flies off from the file's keyframe with
+unequal thrusts; in Newton, which starts a thrust at nothing, it falls. Usage: step_exported.py [VEHICLE ...].
 """
 
 from __future__ import annotations
@@ -47,7 +47,8 @@ def in_what_is_kept(vehicle: Vehicle) -> Vehicle:
     """Vehicle without what an MJCF file loses: air on rotors and base, spin, tables, stops, Coulomb friction."""
     free = {"coulomb": 0, "stop_stiffness": 0, "lower": -math.inf, "upper": math.inf}
     rotors = tuple(
-        replace(each, drag_coefficient=0, rolling_moment_coefficient=0, inertia=0, table=None) for each in vehicle.rotors
+        replace(each, drag_coefficient=0, rolling_moment_coefficient=0, inertia=0, table=None)
+        for each in vehicle.rotors
     )
     return replace(vehicle.with_joints(**free), rotors=rotors, drag=BodyDrag())
 
@@ -117,7 +118,10 @@ def in_newton(file: Path, model: mujoco.MjModel, data: mujoco.MjData) -> np.ndar
 def in_the_plant(vehicle: Vehicle, model: mujoco.MjModel, data: mujoco.MjData) -> np.ndarray:
     n, count = vehicle.n, len(vehicle.rotors)
     positions, rates = joint_addresses(vehicle, model)
-    speeds = [math.sqrt(thrust / float(each.thrust_coefficient)) for thrust, each in zip(data.ctrl, vehicle.rotors)]
+    speeds = [
+        math.sqrt(thrust / float(each.thrust_coefficient))
+        for thrust, each in zip(data.ctrl, vehicle.rotors, strict=False)
+    ]
     first = State(
         position=Vec3(*data.qpos[:3]),
         quaternion=Quaternion(*data.qpos[3:7]),

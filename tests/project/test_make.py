@@ -52,6 +52,7 @@ def test_help_says_every_variable_with_its_value() -> None:
         (("numbers", "NUMBERS=--list"), "tests/website/measured_numbers.py --list"),
         (("peers",), ".venv-peers/bin/python tests/studies/bench/measure_peers.py --small"),
         (("ray",), ".venv-ray/bin/pytest -n 0 tests/studies/flights/test_ray_*.py tests/test_docs_clusters.py"),
+        (("warp",), ".venv-warp/bin/python tests/plant/step_exported.py"),
         (("mutants", "WORKERS=7"), "mutants.py run --workers 7"),
         (("test", "TESTS=tests/plant -k wind"), "pytest tests/plant -k wind"),
         (("types", "VENV=new"), '-c constraints.txt -e ".[types]"'),
@@ -80,7 +81,7 @@ def test_every_gate_of_tests_is_among_all() -> None:
     marks = {"site": "docs"} | {mark: mark for mark in ("thorough", "attack", "digests")}
     options = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["tool"]["pytest"]["ini_options"]
     assert {each.partition(":")[0] for each in options["markers"]} == set(marks)
-    assert set(gates.split()) == {"types", "test", "fresh", "browser", "peers", "ray", *marks.values()}
+    assert set(gates.split()) == {"types", "test", "fresh", "browser", "peers", "ray", "warp", *marks.values()}
 
 
 @needs_make

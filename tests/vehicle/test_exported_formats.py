@@ -17,23 +17,31 @@ from skyarm.dynamics.composite_body import mass_matrix
 from skyarm.dynamics.newton_euler import inverse_dynamics
 from skyarm.plant.mujoco_model import joint_addresses
 from skyarm.records.registry import find, names, register
-from support.components import registry_kept
 from skyarm.vehicle import Vehicle, VehicleError
 from skyarm.vehicle.linkage import Follower
 from skyarm.vehicle.vehicle_files import list_vehicles, load_vehicle
 from skyarm.vehicle.vehicle_records import Frame
 from support.commands import refused
 from support.commands import skyarm as typed
+from support.components import registry_kept
 from support.vehicles import hummingbird_arm, random_flyer
 
 SHIPPED = [name for name in list_vehicles() if not load_vehicle(name).planar]
 
 SUFFIX = {"mjcf": "xml", "urdf": "urdf", "sdf": "sdf", "toml": "toml"}
 
-ROTOR_NUMBERS = (
-    "direction thrust_coefficient moment_coefficient time_constant_up time_constant_down max_speed drag_coefficient "
-    "rolling_moment_coefficient inertia reversible"
-).split()
+ROTOR_NUMBERS = [
+    "direction",
+    "thrust_coefficient",
+    "moment_coefficient",
+    "time_constant_up",
+    "time_constant_down",
+    "max_speed",
+    "drag_coefficient",
+    "rolling_moment_coefficient",
+    "inertia",
+    "reversible",
+]
 
 
 def written(vehicle: Vehicle, form: str, folder: Path) -> Path:
@@ -152,7 +160,8 @@ def test_a_strict_reading_of_the_sdf_file_finds_the_vehicle(name, tmp_path):
     links = {each.get("name"): each for each in model.findall("link")}
     frames = {each.get("name"): each for each in model.findall("frame")}
     joints = {each.get("name"): each for each in model.findall("joint")}
-    assert not {*links} & {*frames} and model.get("canonical_link") in links
+    assert not {*links} & {*frames}
+    assert model.get("canonical_link") in links
     places: dict[str, np.ndarray] = {}
 
     def place(name: str) -> np.ndarray:
@@ -165,8 +174,8 @@ def test_a_strict_reading_of_the_sdf_file_finds_the_vehicle(name, tmp_path):
 
     moment, total = np.zeros(3), 0.0
     turning = np.zeros((3, 3))
-    for name, link in links.items():
-        inertial, pose = link.find("inertial"), place(name) @ sdf_pose(link.find("inertial"))
+    for each, link in links.items():
+        inertial, pose = link.find("inertial"), place(each) @ sdf_pose(link.find("inertial"))
         mass, com = float(inertial.findtext("mass")), pose[:3, 3]
         xx, yy, zz, xy, xz, yz = (float(each.text) for each in inertial.find("inertia"))
         own = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
@@ -181,7 +190,11 @@ def test_a_strict_reading_of_the_sdf_file_finds_the_vehicle(name, tmp_path):
         assert joint.findtext("child") == link.name
         axis, limit = joint.find("axis"), joint.find("axis/limit")
         same(np.array(axis.findtext("xyz").split(), float), np.array(list(link.joint.axis), float))
-        for word, value in (("lower", link.joint.lower), ("upper", link.joint.upper), ("effort", link.joint.effort_limit)):
+        for word, value in (
+            ("lower", link.joint.lower),
+            ("upper", link.joint.upper),
+            ("effort", link.joint.effort_limit),
+        ):
             assert float(limit.findtext(word) or math.copysign(math.inf, -1.0 if word == "lower" else 1.0)) == value
         assert float(axis.findtext("dynamics/damping")) == link.joint.damping
     plugins = model.findall("plugin")
@@ -235,7 +248,9 @@ def test_a_tilt_turns_the_thrust_with_its_lag_and_its_largest_rate(tmp_path):
     assert data.qvel[model.joint("rotor0_tilt").dofadr[0]] == pytest.approx(tilt.max_rate, rel=1e-3)
     along = data.site("rotor0").xmat.reshape(3, 3)[:, 2]
     base = data.body("base").xmat.reshape(3, 3)
-    np.testing.assert_allclose(base.T @ along, [0.0, -math.sin(data.qpos[angle]), math.cos(data.qpos[angle])], atol=1e-2)
+    np.testing.assert_allclose(
+        base.T @ along, [0.0, -math.sin(data.qpos[angle]), math.cos(data.qpos[angle])], atol=1e-2
+    )
 
 
 def test_what_a_file_loses_is_named_in_its_first_lines(tmp_path):
@@ -244,7 +259,8 @@ def test_what_a_file_loses_is_named_in_its_first_lines(tmp_path):
         head = heads[form].split("-->")[0]
         for word in ("battery", "drives of joints", "thrust tables", "drag of the body", "Coulomb", "of stops"):
             assert word in head, (form, word)
-    assert "armature" in heads["urdf"].split("-->")[0] and "armature" not in heads["mjcf"].split("-->")[0]
+    assert "armature" in heads["urdf"].split("-->")[0]
+    assert "armature" not in heads["mjcf"].split("-->")[0]
     assert "lost" not in heads["toml"]
 
 
@@ -252,7 +268,8 @@ def test_followers_endless_and_one_sided_joints_and_equal_names_read_back(tmp_pa
     vehicle = hummingbird_arm(lower=-0.5)
     joint = replace(vehicle.links[1].joint, damping=0, effort_limit=0.0, lower=-math.inf)
     tied = Follower(link=replace(vehicle.links[1], joint=joint), leader=0, ratio=-2.0, offset=0.25)
-    frames = tuple(replace(each, link=1) for each in vehicle.frames) + (Frame(name="front", link=0, position=Vec3(0.1, 0, 0)),)
+    front = Frame(name="front", link=0, position=Vec3(0.1, 0, 0))
+    frames = (*(replace(each, link=1) for each in vehicle.frames), front)
     vehicle = replace(vehicle, links=vehicle.links[:1], followers=(tied,), frames=frames)
     for form in ("mjcf", "urdf"):
         path = written(vehicle, form, tmp_path)

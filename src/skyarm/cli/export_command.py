@@ -38,7 +38,7 @@ from skyarm.scenario.scenario_file import is_scenario, kind_of_file, load_scenar
 from skyarm.scenario.scenario_record import HIGHEST_RATE, first_state
 from skyarm.sensing.sensor_kinds import ImuReading, mount_rotation, reads
 from skyarm.vehicle import BASE, Frame
-from skyarm.vehicle.export_losses import actuator_names
+from skyarm.vehicle.robot_text import actuator_names
 from skyarm.vehicle.vehicle_files import load_vehicle
 
 RATE, SLOWEST = 200.0, 1e-3
@@ -185,7 +185,9 @@ def _vehicle(what: str, form: str, file: Path, gravity: float | None, chosen: di
     write_atomically(file, text.encode())
     counts, actuators = {"bodies": len(vehicle.bodies), "joints": len(vehicle.moving)}, actuator_names(vehicle)
     give(counts, file=file, vehicle=vehicle.name, actuators=actuators)
-    tell(f"{file}: {vehicle.name}, {', '.join(f'{n} {name}' for name, n in counts.items())}, {len(actuators)} actuators")
+    tell(
+        f"{file}: {vehicle.name}, {', '.join(f'{n} {name}' for name, n in counts.items())}, {len(actuators)} actuators"
+    )
 
 
 def _law(

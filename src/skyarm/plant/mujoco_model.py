@@ -10,7 +10,7 @@ import numpy as np
 from skyarm.algebra import Mat3, Vec3
 from skyarm.records.arrays import Array, float_array
 from skyarm.vehicle import BASE, Body, Joint, Vehicle
-from skyarm.vehicle.export_losses import unused_name
+from skyarm.vehicle.check import unused_name
 from skyarm.world import TimedPayload
 from skyarm.world.scene.vehicle_shapes import vehicle_shapes
 
@@ -178,12 +178,8 @@ def _add_sites(vehicle: Vehicle, bodies: dict[int, mujoco.MjsBody], prefix: str)
             size=[0.005] * 3,
         )
     for rotor, name in zip(vehicle.rotors, site_of_rotor(vehicle), strict=True):
-        add_upright_site(bodies[BASE], prefix + name, float_array(rotor.position), rotor.axis)
-
-
-def add_upright_site(body: mujoco.MjsBody, name: str, position: Array, axis: Vec3) -> None:
-    """Add a site to a body, with its z axis along a given one."""
-    body.add_site(name=name, pos=position, quat=_along(axis), size=[0.005] * 3)
+        at, along = float_array(rotor.position), _along(rotor.axis)
+        bodies[BASE].add_site(name=prefix + name, pos=at, quat=along, size=[0.005] * 3)
 
 
 def _add_shapes(vehicle: Vehicle, bodies: dict[int, mujoco.MjsBody]) -> None:

@@ -92,6 +92,13 @@ def principal_moments(inertia_com: Sym3) -> list[float]:
     return [float(each) for each in np.linalg.eigvalsh(np.array(rows))]
 
 
+def unused_name(name: str, taken: Sequence[str]) -> str:
+    """Unique name: the given one, with underscores appended if it is taken."""
+    while name in taken:
+        name += "_"
+    return name
+
+
 def unique(field: str, names: list[str]) -> None:
     """Raise an error if names are repeated or empty."""
     for name in names:

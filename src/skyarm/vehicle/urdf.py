@@ -25,13 +25,14 @@ from skyarm.vehicle.attach import BodyTree, Mimic, Notes, RigidBodies, follow, h
 from skyarm.vehicle.check import refuse
 from skyarm.vehicle.inertia_repair import with_real_inertias
 from skyarm.vehicle.linkage import BASE, Body, Joint
+from skyarm.vehicle.rotor_sources.own_files import OWN
 from skyarm.vehicle.rotor_tables import RotorTables, mount_rotors
 from skyarm.vehicle.stated_rotors import RotorFile, rotors_in
 from skyarm.vehicle.stops import with_smooth_friction, with_stops
 from skyarm.vehicle.vehicle_records import Frame, Look, Vehicle
 from skyarm.vehicle.xml_elements import child, number, numbers, read_xml, required_numbers
 
-READ = ("link", "joint", "material")
+READ = ("link", "joint", "material", OWN)
 """Elements of a robot that are read, or concern only its appearance."""
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
+from types import MappingProxyType
 from typing import Any
 
 from skyarm.algebra import Mat3, Vec3
@@ -16,7 +17,6 @@ from skyarm.records.registry.registrations import name_of
 from skyarm.records.units import scalars
 from skyarm.vehicle.check import VehicleError
 from skyarm.vehicle.description import quaternion_products
-from skyarm.vehicle.export_losses import loss_lines
 from skyarm.vehicle.linkage import BASE, Body, Follower, Joint, Link
 from skyarm.vehicle.rotor_tables import COEFFICIENTS
 from skyarm.vehicle.thrust_table import ThrustTable
@@ -65,7 +65,7 @@ def vehicle_text(vehicle: Vehicle, head: Sequence[str] = (), notes: Notes | None
         lines += _section("[links.joint]", joint, f"{at}.joint", notes)[1:]
     for frame in vehicle.frames:
         lines += _section("[[frames]]", _frame(frame, names), f"frames.{frame.name}", notes)
-    lines += _of_rotors(vehicle.rotors, notes)
+    lines += rotor_lines(vehicle.rotors, notes)
     if any(map(float, vehicle.drag.area)) or "drag.area" in notes:
         lines += _section("[drag]", _record(vehicle.drag, ("area", "air_density")), "drag", notes)
     for drive in vehicle.drives:
@@ -75,12 +75,6 @@ def vehicle_text(vehicle: Vehicle, head: Sequence[str] = (), notes: Notes | None
     if vehicle.sources:
         lines += _section("[sources]", dict(vehicle.sources), "sources", notes)
     return "\n".join(lines) + "\n"
-
-
-def toml_text(vehicle: Vehicle) -> str:
-    """Text of a vehicle as an exported TOML file, with what is lost in its first lines."""
-    lost = {"looks": "meshes, which a vehicle file cannot name"}
-    return vehicle_text(vehicle, ["Written by skyarm export as a vehicle file.", *loss_lines(vehicle, lost)])
 
 
 def _section(head: str, table: Table, at: str, notes: Notes) -> list[str]:
@@ -100,7 +94,13 @@ def _lines(table: Table, at: str, notes: Notes) -> list[str]:
     return lines
 
 
-def _of_rotors(rotors: Sequence[Rotor], notes: Notes) -> list[str]:
+def toml_text(vehicle: Vehicle) -> str:
+    """Text of a vehicle as an exported TOML file; meshes, which no vehicle file names, are lost."""
+    lost = ", ".join(each.name for each in vehicle.looks)
+    return vehicle_text(vehicle, ["Written by skyarm export.", *([f"lost or changed: meshes: {lost}"] if lost else [])])
+
+
+def rotor_lines(rotors: Sequence[Rotor], notes: Notes = MappingProxyType({})) -> list[str]:
     """Lines of a vehicle file for the rotors, with the values that all rotors share in ``[rotor_defaults]``."""
     tables = [_rotor(each) for each in rotors]
     shared = {name: value for name, value in (tables[0] if tables else {}).items() if name not in PLACED}

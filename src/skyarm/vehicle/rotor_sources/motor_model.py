@@ -10,7 +10,6 @@ from __future__ import annotations
 import xml.etree.ElementTree as ET
 
 from skyarm.vehicle.check import refuse
-from skyarm.vehicle.description import zero_is_structure
 from skyarm.vehicle.stated_rotors import RotorFile, StatedRotor
 from skyarm.vehicle.xml_elements import finite
 
@@ -22,9 +21,8 @@ WORDS = {
     "maxRotVelocity": "max_speed",
     "rotorDragCoefficient": "drag_coefficient",
     "rollingMomentCoefficient": "rolling_moment_coefficient",
-    "rotorInertia": "inertia",
 }
-"""Word of the plugin -> field of a rotor, in SI units; the last one is of skyarm's own files, which simulators skip."""
+"""Word of the plugin -> field of a rotor; both in SI units."""
 
 SENSES = {"ccw": 1, "cw": -1, "1": 1, "-1": -1}
 
@@ -54,8 +52,7 @@ def _rotor(plugin: ET.Element) -> StatedRotor:
         refuse(f"{field}.linkName", "(missing)", "must name the rotor's link")
     for word, ours in WORDS.items():
         if text := _text(plugin, word):
-            value = finite(text, f"{field}.{word}")
-            values[ours] = zero_is_structure(value) if ours == "inertia" else value
+            values[ours] = finite(text, f"{field}.{word}")
             where[ours] = f"{word} of the motor-model plugins"
     if sense := _text(plugin, "turningDirection"):
         if sense not in SENSES:

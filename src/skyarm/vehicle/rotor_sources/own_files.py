@@ -1,0 +1,49 @@
+"""Rotors of skyarm's own exported files, whose element ``skyarm:rotors`` holds the tables of a vehicle file.
+
+MuJoCo, ROS and Gazebo have no word for tilts, thrust tables or two lags; they skip the element.
+"""
+
+from __future__ import annotations
+
+import tomllib
+import xml.etree.ElementTree as ET
+from typing import Any
+
+from skyarm.records.files import Fields
+from skyarm.vehicle.rotor_tables import read_rotor_tables
+from skyarm.vehicle.stated_rotors import UP, RotorFile, StatedRotor
+
+OWN = "{skyarm}rotors"
+"""Tag of the element in XML files."""
+
+
+TEXTS = ("name_textadr", "text_adr", "text_size")
+"""Arrays of a MuJoCo model on its custom texts."""
+
+
+def own_rotors(file: RotorFile) -> tuple[StatedRotor, ...]:
+    """Rotors of a file that skyarm wrote."""
+    content = getattr(file.content, "model", file.content)
+    if isinstance(content, ET.Element):
+        text = next(content.iter(OWN), ET.Element("none")).text or ""
+        joints = [each.text or "" for each in content.iter("jointName")]
+    else:
+        text, joints = _custom_text(content), []
+    tables = read_rotor_tables(Fields(tomllib.loads(text), ""))
+    every = [(name, {"inertia": 0, **tables.usual, **own}) for name, own in tables.own.items()]
+    joints = joints or [f"{name}_tilt" if "tilt" in values else "" for name, values in every]
+    return tuple(_rotor(*each, joint) for each, joint in zip(every, joints, strict=True))
+
+
+def _custom_text(model: Any) -> str:
+    """Custom text of a MuJoCo model that holds rotors; "" without."""
+    for name, begin, size in zip(*(getattr(model, each, ()) for each in TEXTS), strict=True):
+        if model.names[name:].startswith(b"skyarm:rotors\0"):
+            return bytes(model.text_data[begin : begin + size - 1]).decode()
+    return ""
+
+
+def _rotor(name: str, values: dict[str, Any], joint: str) -> StatedRotor:
+    position, axis = values.pop("position"), values.pop("axis", UP)
+    where = dict.fromkeys(values, "skyarm's own element in the file")
+    return StatedRotor(name=name, position=position, axis=axis, values=values, where=where, joint=joint)
