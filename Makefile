@@ -189,7 +189,7 @@ $(RAY)/.installed: pyproject.toml constraints.txt
 ray: $(RAY)/.installed
 	$(RAY)/bin/pytest -n 0 tests/studies/flights/test_ray_*.py tests/test_docs_clusters.py
 
-# Newton asks for an older MuJoCo and steps on the one that skyarm needs, with a warning
+# Newton asks for an older MuJoCo, and steps on the newer one with a warning
 $(WARP)/.installed: pyproject.toml constraints.txt
 	rm -rf $(WARP)
 	$(PYTHON) -m venv $(WARP)
