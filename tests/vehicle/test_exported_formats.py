@@ -315,6 +315,40 @@ def test_a_format_of_ones_own_is_written_by_its_name(tmp_path):
     assert (tmp_path / "x.mine").read_text() == "pelican_arm2 2\n"
 
 
+@pytest.mark.parametrize("form", ["mjcf", "urdf"])
+def test_a_changed_element_of_rotors_is_refused_in_one_line(form, tmp_path):
+    path = written(load_vehicle("pelican_arm2"), form, tmp_path)
+    for old, new in (
+        ("[rotor_defaults]", "[rotor_defaults"),
+        ("position = ", "place = "),
+        ("max_speed = ", "speed = "),
+    ):
+        text = path.read_text()
+        assert old in text
+        path.with_stem("y").write_text(text.replace(old, new))
+        with pytest.raises(VehicleError) as caught:
+            load_vehicle(path.with_stem("y"))
+        assert "skyarm:rotors" in str(caught.value)
+        assert "\n" not in str(caught.value)
+
+
+def test_an_element_of_rotors_beside_fewer_plugins_is_refused(tmp_path):
+    path = written(load_vehicle("pelican_arm2"), "urdf", tmp_path)
+    begin, _, rest = path.read_text().partition("<plugin")
+    path.write_text(begin + rest.partition("</plugin>")[2])
+    with pytest.raises(VehicleError, match="rotors = 4: must be 3, as many as motor-model plugins"):
+        load_vehicle(path)
+
+
+def test_motor_plugins_of_others_are_read_where_no_element_of_ours_is(tmp_path):
+    path = written(load_vehicle("pelican_arm2"), "urdf", tmp_path)
+    begin, _, rest = path.read_text().partition("<skyarm:rotors")
+    path.write_text(begin + rest.partition("</skyarm:rotors>")[2])
+    again = load_vehicle(path)
+    same(allocation(again), allocation(load_vehicle("pelican_arm2")))
+    assert "turningDirection" in dict(again.sources)["rotors.direction"]
+
+
 def test_a_planar_model_is_no_robot():
     for form in ("urdf", "sdf"):
         with pytest.raises(VehicleError, match="planar = True"):

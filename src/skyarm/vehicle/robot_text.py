@@ -2,8 +2,8 @@
 
 Each link's frame is its joint's frame at zero, as in this library. A rotor is a link of its own, which Gazebo demands,
 with z along the thrust; it takes a thousandth of the base's mass, less where the base could not give it. Numbers are
-written in full. What only this library reads back of the rotors is an element of its own, which others skip. A format of
-export is a registered function (kind ``vehicle_format``); its template names in the first lines what the file loses.
+written in full. What only this library reads back of the rotors is an element of its own, which others skip. A format
+of export is a registered function (kind ``vehicle_format``); its template names in the first lines what the file loses.
 Source: URDF specification (ROS wiki, urdf/XML); SDFormat specification 1.11; gz-sim, MulticopterMotorModel.cc.
 """
 

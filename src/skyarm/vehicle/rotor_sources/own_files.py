@@ -9,7 +9,8 @@ import tomllib
 import xml.etree.ElementTree as ET
 from typing import Any
 
-from skyarm.records.files import Fields
+from skyarm.records.files import Fields, errors_as
+from skyarm.vehicle.check import VehicleError, refuse
 from skyarm.vehicle.rotor_tables import read_rotor_tables
 from skyarm.vehicle.stated_rotors import UP, RotorFile, StatedRotor
 
@@ -22,17 +23,28 @@ TEXTS = ("name_textadr", "text_adr", "text_size")
 
 
 def own_rotors(file: RotorFile) -> tuple[StatedRotor, ...]:
-    """Rotors of a file that skyarm wrote."""
-    content = getattr(file.content, "model", file.content)
+    """Rotors of a file that skyarm wrote.
+
+    Raises:
+        VehicleError: the element was changed to what is no table of a vehicle file, or has not as many as plugins.
+    """
+    content, joints = getattr(file.content, "model", file.content), []
     if isinstance(content, ET.Element):
-        text = next(content.iter(OWN), ET.Element("none")).text or ""
+        text = next(content.iter(OWN), ET.Element("none")).text
         joints = [each.text or "" for each in content.iter("jointName")]
     else:
-        text, joints = _custom_text(content), []
-    tables = read_rotor_tables(Fields(tomllib.loads(text), ""))
-    every = [(name, {"inertia": 0, **tables.usual, **own}) for name, own in tables.own.items()]
-    joints = joints or [f"{name}_tilt" if "tilt" in values else "" for name, values in every]
-    return tuple(_rotor(*each, joint) for each, joint in zip(every, joints, strict=True))
+        text = _custom_text(content)
+    if not text:
+        return ()
+    with errors_as(VehicleError, "skyarm:rotors: "):
+        tables = read_rotor_tables(Fields(tomllib.loads(text), ""))
+        every = [(name, {"inertia": 0, **tables.usual, **own}) for name, own in tables.own.items()]
+        joints = joints or [f"{name}_tilt" if "tilt" in values else "" for name, values in every]
+        if len(joints) != len(every):
+            refuse("rotors", len(every), f"must be {len(joints)}, as many as motor-model plugins")
+        for fields in tables.tables.values():
+            fields.take("position")
+        return tuple(_rotor(*each, joint) for each, joint in zip(every, joints, strict=True))
 
 
 def _custom_text(model: Any) -> str:
