@@ -221,6 +221,8 @@ def test_a_thrust_follows_its_control_with_the_mean_of_both_lags(tmp_path):
     model = mujoco.MjModel.from_xml_path(str(written(vehicle, "mjcf", tmp_path)))
     data = mujoco.MjData(model)
     mujoco.mj_resetDataKeyframe(model, data, 0)
+    gears = [[0.0, 0.0, 1.0, 0.0, 0.0, -0.016 * each.direction] for each in vehicle.rotors]
+    np.testing.assert_array_equal(model.actuator_gear, gears)
     before = data.act[0]
     data.ctrl[0] = before + 0.5
     for _ in range(30):
@@ -293,7 +295,7 @@ def test_shapes_touch_the_floor_on_request_only(tmp_path):
         mujoco.mj_resetDataKeyframe(model, data, 0)
         data.qpos[2] = 0.0
         mujoco.mj_forward(model, data)
-        assert min(data.ncon, 1) == touching
+        assert min(data.ncon, 1) == touching == model.geom_contype.any()
         assert {model.geom(each.geom1).name for each in data.contact} <= {"floor"}
 
 

@@ -38,7 +38,7 @@ def own_rotors(file: RotorFile) -> tuple[StatedRotor, ...]:
         return ()
     with errors_as(VehicleError, "skyarm:rotors: "):
         tables = read_rotor_tables(Fields(tomllib.loads(text), ""))
-        every = [(name, {"inertia": 0, **tables.usual, **own}) for name, own in tables.own.items()]
+        every = [(name, {**tables.usual, **own}) for name, own in tables.own.items()]
         joints = joints or [f"{name}_tilt" if "tilt" in values else "" for name, values in every]
         if len(joints) != len(every):
             refuse("rotors", len(every), f"must be {len(joints)}, as many as motor-model plugins")
