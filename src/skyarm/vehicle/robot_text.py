@@ -72,7 +72,7 @@ def _robot(form: str, vehicle: Vehicle) -> str:
 
 def render_vehicle(form: str, vehicle: Vehicle, **values: Any) -> str:
     """Render the template of a format with a vehicle and further values."""
-    names = Counter(each.name for each in (*vehicle.moving, *vehicle.rotors, *vehicle.frames))
+    names = Counter(_part_names(vehicle))
     return render_template(
         f"vehicle/exported/{form}.jinja",
         vehicle=vehicle,
@@ -89,7 +89,7 @@ def _pieces(vehicle: Vehicle) -> list[_Piece]:
     require_plant(vehicle)
     taken, joints = [link.name for link in vehicle.moving], [link.joint.name for link in vehicle.moving]
     base, spun = _with_rotor_links(vehicle)
-    names = [*taken, unused_name("base_link", [*taken, *(each.name for each in (*vehicle.rotors, *vehicle.frames))])]
+    names = [*taken, unused_name("base_link", _part_names(vehicle))]
     followers = {each.name: each for each in vehicle.followers}
     pieces = [_Piece(names[-1], body=base)]
     for link in vehicle.moving:
@@ -99,13 +99,22 @@ def _pieces(vehicle: Vehicle) -> list[_Piece]:
     hubs = [
         Frame(name=each.name, link=BASE, position=each.position, rotation=_upright(each)) for each in vehicle.rotors
     ]
-    parts: list[tuple[Frame, Body | None]] = [(each, spun) for each in hubs] + [(each, None) for each in vehicle.frames]
+    parts: list[tuple[Frame, Body | None]] = [
+        *((each, spun) for each in hubs),
+        *((each, None) for each in vehicle.frames),
+    ]
     for frame, body in parts:
         taken.append(unused_name(frame.name, taken))
         joints.append(unused_name(f"{taken[-1]}_joint", joints))
-        spins = body and Joint(name=joints[-1], axis=Vec3(0, 0, 1), effort_limit=0.0)
+        spins = None if body is None else Joint(name=joints[-1], axis=Vec3(0, 0, 1), effort_limit=0.0)
         pieces.append(_Piece(taken[-1], names[frame.link], joints[-1], frame.position, frame.rotation, body, spins))
     return pieces
+
+
+def _part_names(vehicle: Vehicle) -> list[str]:
+    """Names of links, rotors and frames, which share one space of names in a robot's file."""
+    rotors, frames = [each.name for each in vehicle.rotors], [each.name for each in vehicle.frames]
+    return [*(each.name for each in vehicle.moving), *rotors, *frames]
 
 
 def _digits(value: Any) -> str:

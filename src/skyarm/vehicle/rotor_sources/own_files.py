@@ -28,7 +28,8 @@ def own_rotors(file: RotorFile) -> tuple[StatedRotor, ...]:
     Raises:
         VehicleError: the element was changed to what is no table of a vehicle file, or has not as many as plugins.
     """
-    content, joints = getattr(file.content, "model", file.content), []
+    content = getattr(file.content, "model", file.content)
+    joints: list[str] = []
     if isinstance(content, ET.Element):
         text = next(content.iter(OWN), ET.Element("none")).text
         joints = [each.text or "" for each in content.iter("jointName")]
