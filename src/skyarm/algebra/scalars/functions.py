@@ -18,6 +18,8 @@ Function = Callable[..., Scalar]
 _PYTHON = (float, int, bool)
 _NAMESPACES: dict[type, Any] = {}
 _OVER_OTHERS: set[type] = set()
+_DECIDED: dict[type | tuple[type, ...], Any] = {}
+"""Implementation by the type of one argument or the types of several, since formulas in floats ask for it most."""
 
 
 def register(kind: type, namespace: Any, *, over_others: bool = False) -> None:
@@ -29,6 +31,7 @@ def register(kind: type, namespace: Any, *, over_others: bool = False) -> None:
     _NAMESPACES[kind] = namespace
     if over_others:
         _OVER_OTHERS.add(kind)
+    _DECIDED.clear()
 
 
 def _silent(function: Function) -> Function:
@@ -79,10 +82,11 @@ def _discover(kind: type) -> SimpleNamespace:
     )
 
 
-def _namespace(*values: Scalar) -> Any:
-    """Find the implementation of scalar functions for the types of some values."""
+def _decide(*values: Scalar) -> Any:
+    """Find the implementation of scalar functions for the types of some values, and keep it."""
     kind: type = float
-    for each in map(type, values):
+    kinds = tuple(map(type, values))
+    for each in kinds:
         if each in _OVER_OTHERS:
             kind = each
             break
@@ -92,21 +96,32 @@ def _namespace(*values: Scalar) -> Any:
     namespace = _NAMESPACES.get(kind)
     if namespace is None:
         namespace = _NAMESPACES[kind] = _discover(kind)
+    _DECIDED[kinds if len(kinds) > 1 else kinds[0]] = namespace
     return namespace
 
 
-def _function(name: str, meaning: str) -> Function:
-    """Make a scalar function that looks up its implementation by the type of its arguments."""
+def _function(name: str, meaning: str, arguments: int = 1) -> Function:
+    """Make a scalar function that looks up its implementation by the type of its arguments.
 
-    def call(*values: Scalar) -> Any:
-        return getattr(_namespace(*values), name)(*values)
+    It is written for each number of them: to collect them in a tuple took longer than most of the functions.
+    """
 
+    def of_one(x: Scalar) -> Any:
+        return getattr(_DECIDED.get(type(x)) or _decide(x), name)(x)
+
+    def of_two(a: Scalar, b: Scalar) -> Any:
+        return getattr(_DECIDED.get((type(a), type(b))) or _decide(a, b), name)(a, b)
+
+    def of_three(a: Scalar, b: Scalar, c: Scalar) -> Any:
+        return getattr(_DECIDED.get((type(a), type(b), type(c))) or _decide(a, b, c), name)(a, b, c)
+
+    call = (of_one, of_two, of_three)[arguments - 1]
     call.__name__ = call.__qualname__ = name
     call.__doc__ = meaning
     return call
 
 
-copysign = _function("copysign", "|a| with the sign of b, that of a zero too; on floats, NumPy and traced nodes.")
+copysign = _function("copysign", "|a| with the sign of b, that of a zero too; on floats, NumPy and traced nodes.", 2)
 power_of_two = _function("power_of_two", "2**k for whole k, exact; on floats, NumPy and traced nodes.")
 exponent = _function("exponent", "Whole e with |x| = m 2**e and 1 <= m < 2; on floats and traced nodes.")
 mantissa = _function("mantissa", "m of exponent, with the sign of x; on floats and traced nodes.")
@@ -115,25 +130,25 @@ cos = _function("cos", "Cosine of an angle in rad.")
 tan = _function("tan", "Tangent of an angle in rad.")
 asin = _function("asin", "Inverse sine, NaN outside [-1, 1].")
 acos = _function("acos", "Inverse cosine, NaN outside [-1, 1].")
-atan2 = _function("atan2", "Angle of the point (x, y) from y and x, in rad, in [-pi, pi].")
+atan2 = _function("atan2", "Angle of the point (x, y) from y and x, in rad, in [-pi, pi].", 2)
 sqrt = _function("sqrt", "Square root, NaN below zero.")
 exp = _function("exp", "Exponential, inf on overflow.")
 log = _function("log", "Natural logarithm, -inf at zero, NaN below.")
 tanh = _function("tanh", "Hyperbolic tangent.")
 absolute = _function("absolute", "|x|.")
 floor = _function("floor", "Largest whole number not above x.")
-where = _function("where", "where(condition, a, b): a where the condition holds, else b; both are evaluated.")
-logical_and = _function("logical_and", "Both conditions.")
-logical_or = _function("logical_or", "Either condition.")
+where = _function("where", "where(condition, a, b): a where the condition holds, else b; both are evaluated.", 3)
+logical_and = _function("logical_and", "Both conditions.", 2)
+logical_or = _function("logical_or", "Either condition.", 2)
 logical_not = _function("logical_not", "Opposite condition.")
+_quotient = _function("divide", "a / b with IEEE results for division by zero.", 2)
 
 
 def divide(a: Scalar, b: Scalar) -> Scalar:
     """Quotient a / b with IEEE results for division by zero."""
     if type(b) is int and b == 1:
         return a
-    quotient: Scalar = _namespace(a, b).divide(a, b)
-    return quotient
+    return _quotient(a, b)
 
 
 def minimum(value: Scalar, bound: Scalar) -> Scalar:
