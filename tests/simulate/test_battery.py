@@ -180,7 +180,7 @@ def test_an_overloaded_pack_settles_where_its_current_times_its_voltage_is_the_l
     numbers = {"resistance": rng.uniform(0.3, 1.5), "reference_voltage": rng.uniform(11.0, 16.0), "esc": esc}
     pack = dataclasses.replace(BATTERY, **numbers)
     rotors = load_vehicle(DATA / "servo_arm.toml").rotors
-    commands = tuple(rng.uniform(0.3, 1.2, len(rotors)) * 1100.0)
+    commands = tuple((rng.uniform(0.3, 1.2, len(rotors)) * 1100.0).tolist())
     drain, memory, speeds = BatteryDrain(battery=pack, rotors=rotors), (0.8, 14.0), (0.0,) * len(rotors)
     still = example_state(0, len(rotors))
     for _ in range(200):
@@ -191,12 +191,12 @@ def test_an_overloaded_pack_settles_where_its_current_times_its_voltage_is_the_l
 
     def surplus(voltage):
         supply = voltage / pack.reference_voltage
-        turning = [min(each, 1100.0) * supply if seed % 2 else min(each, 1100.0 * supply) for each in commands]
+        turning = [min(each, 1100.0) * supply if seed % 2 else np.minimum(each, 1100.0 * supply) for each in commands]
         load = 5.0 + sum(8e-6 * 0.016 * w**3 / 0.7 for w in turning)
         return voltage * (idle - voltage) / pack.resistance - load
 
     grid = np.linspace(0.05 * idle, idle, 4001)
-    signs = np.sign([surplus(v) for v in grid])
+    signs = np.sign(surplus(grid))
     last = int(np.flatnonzero(signs[:-1] != signs[1:])[-1])
     right = brentq(surplus, grid[last], grid[last + 1])
     assert memory[1] == pytest.approx(right, rel=2e-3)
