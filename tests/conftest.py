@@ -14,6 +14,8 @@ from typing import Any
 
 import pytest
 
+from support.shares import ShareScheduling, is_shared, others_of
+
 # one thread of BLAS a process, as the command line sets it: the processes of the tests take every core already, and
 # threads that wait for each other there made some tests five times slower
 for name in ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
@@ -42,6 +44,25 @@ def pytest_configure(config: pytest.Config) -> None:
         os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
         # the library's before any test copies its folder; the others' when they are first imported
         compileall.compile_dir(Path(__file__).parents[1] / "src" / "skyarm", quiet=2)
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_configure_node(node: Any) -> None:
+    """Tell a worker its share; one in place of a dead one has none."""
+    worker, count = int(node.gateway.id.removeprefix("gw")), len(node.config.option.tx)
+    node.workerinput["others"] = sorted(others_of(worker, count)) if is_shared(node.config) and worker < count else []
+
+
+def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
+    """Leave out the files of other workers."""
+    others = getattr(config, "workerinput", {}).get("others", ())
+    return collection_path.relative_to(config.rootpath).as_posix() in others or None if others else None
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_make_scheduler(config: pytest.Config) -> ShareScheduling | None:
+    """Hand out tests of files that workers collected apart."""
+    return ShareScheduling(config) if is_shared(config) else None
 
 
 @pytest.hookimpl(tryfirst=True)
