@@ -19,7 +19,7 @@ WRONG: list[tuple[dict[str, Any], str]] = [
     ({"schema": 2}, "schema = 2: must be 1"),
     (
         {"vehicle": "hexa"},
-        f"vehicle = 'hexa': must be one of {VEHICLES}, or the path of a .toml, .urdf or .xml (MJCF) file",
+        f"vehicle = 'hexa': must be one of {VEHICLES}, or the path of a .toml, .urdf, .sdf or .xml (MJCF) file",
     ),
     ({"vehicle": None}, "vehicle: is missing; there are name, phases, schema, start"),
     ({"vehicle": 3}, "vehicle = 3: must be a name or a path"),

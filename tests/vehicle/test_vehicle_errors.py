@@ -198,7 +198,7 @@ def test_a_file_of_another_kind_is_refused(tmp_path):
     path = tmp_path / "v.yaml"
     path.write_text("a: 1", encoding="utf-8")
     assert "must be one of" in refusal(path)
-    assert "the path of a .toml, .urdf or .xml (MJCF) file" in refusal(path)
+    assert "the path of a .toml, .urdf, .sdf or .xml (MJCF) file" in refusal(path)
 
 
 def test_a_syntax_error_names_its_line(tmp_path):

@@ -16,11 +16,11 @@ from skyarm.records.registry import names as names_of_kind
 MOST_WORKERS = 10_000
 """Largest number of threads or processes."""
 
-MODELS = (".urdf", ".xacro")
+MODELS = (".urdf", ".xacro", ".sdf")
 """Suffixes of files that only describe a vehicle."""
 
 SUFFIXES: Mapping[str, tuple[str, ...]] = {
-    "vehicle": (".toml", ".urdf"),
+    "vehicle": (".toml", ".urdf", ".sdf"),
     "scenario": (".toml", ".npz"),
     "study": (".toml",),
     "task": (".toml",),

@@ -21,7 +21,7 @@ from skyarm.scenario.unlikely_numbers import unlikely_in_vehicle
 from skyarm.studies.assess.data_sheet import sheet, vehicle_facts
 from skyarm.studies.sweep.study_file import LIBRARY as STUDIES
 from skyarm.studies.sweep.study_file import list_studies
-from skyarm.vehicle.vehicle_files import RIGID, ROTORS_ALONE, list_vehicles, load_vehicle
+from skyarm.vehicle.vehicle_files import FOREIGN, RIGID, ROTORS_ALONE, list_vehicles, load_vehicle
 from skyarm.view.pages import Facts, table_of
 
 
@@ -115,7 +115,7 @@ def _show_words() -> None:
 def _is_flight(name: str) -> bool:
     """True for the path of a file or folder that is not a vehicle model."""
     path = Path(name)
-    if not name or path.suffix in (".toml", ".xacro", *ROTORS_ALONE, *RIGID) or name in list_vehicles():
+    if not name or path.suffix in (".toml", ".xacro", *ROTORS_ALONE, *RIGID, *FOREIGN) or name in list_vehicles():
         return False
     return path.is_file() or path.is_dir()
 

@@ -203,5 +203,5 @@ def _is_vehicle(target: str) -> bool:
     """True if a name denotes a vehicle and no scenario."""
     if target in shipped_names("scenario"):
         return False
-    models = (".urdf", ".xacro", ".xml")
+    models = (".urdf", ".xacro", ".sdf", ".xml")
     return target in shipped_names("vehicle") or Path(target).suffix in models or kind_of_file(target) == "vehicle"

@@ -30,7 +30,7 @@ from skyarm.vehicle.rotor_tables import RotorTables, mount_rotors
 from skyarm.vehicle.stated_rotors import RotorFile, rotors_in
 from skyarm.vehicle.stops import with_smooth_friction, with_stops
 from skyarm.vehicle.vehicle_records import Frame, Look, Vehicle
-from skyarm.vehicle.xml_elements import child, number, numbers, read_xml, required_numbers
+from skyarm.vehicle.xml_elements import child, number, numbers, numbers_of, read_xml, required_numbers
 
 READ = ("link", "joint", "material", OWN)
 """Elements of a robot that are read, or concern only its appearance."""
@@ -69,7 +69,19 @@ def read_urdf(path: PathLike, mimic: str = "lock") -> RigidBodies:
     for tag, count in Counter(str(element.tag) for element in robot).items():
         if tag not in READ and isinstance(tag, str) and not tag.startswith("<function"):
             notes.add(f"<{tag}> ({count}): not read")
-    return replace(_bodies(robot, mimic, notes, Path(path)), rotors=rotors_in(RotorFile(Path(path), robot)))
+    return read_robot(robot, mimic, notes, Path(path))
+
+
+def read_robot(robot: ET.Element, mimic: str, notes: Notes, path: Path) -> RigidBodies:
+    """Rigid bodies, joints, frames and rotors of a URDF robot.
+
+    Args:
+        robot: element <robot>.
+        mimic: one of ``attach.MIMIC``.
+        notes: notes of the reader.
+        path: file that describes it.
+    """
+    return replace(_bodies(robot, mimic, notes, path), rotors=rotors_in(RotorFile(path, robot)))
 
 
 def urdf_vehicle(given: RigidBodies) -> Vehicle:
@@ -359,5 +371,8 @@ def origin_of(element: ET.Element, field: str) -> tuple[Mat3, Vec3]:
     """Rotation and position (m) of the <origin> of an XML element; identity and zero without one."""
     origin = child(element, "origin", field)
     xyz = numbers(origin, "xyz", f"{field}.origin", (0.0, 0.0, 0.0))
+    if origin is not None and origin.get("quat_xyzw"):
+        x, y, z, w = numbers_of(origin.get("quat_xyzw", ""), f"{field}.origin.quat_xyzw", 4)
+        return description.rotation_quaternion(f"{field}.origin.quat_xyzw", [w, x, y, z]), description.vector(xyz)
     rpy = numbers(origin, "rpy", f"{field}.origin", (0.0, 0.0, 0.0))
     return description.rotation_rpy(rpy), description.vector(xyz)

@@ -1,4 +1,4 @@
-"""Read vehicles from TOML (see :mod:`skyarm.vehicle.vehicle_tables`), URDF and MJCF files and from the library."""
+"""Read vehicles from TOML (see :mod:`skyarm.vehicle.vehicle_tables`), URDF, SDF and MJCF files and from the library."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def list_vehicles() -> tuple[str, ...]:
 
 
 def load_vehicle(name_or_path: PathLike) -> Vehicle:
-    """Load a vehicle from the library by name, or from a .toml, .urdf or .xml (MJCF) file.
+    """Load a vehicle from the library by name, or from a .toml, .urdf, .sdf or .xml (MJCF) file.
 
     Args:
         name_or_path: a name of :func:`list_vehicles`, a path with one of these suffixes, or ``robot:NAME`` for a robot
@@ -57,8 +57,10 @@ def load_vehicle(name_or_path: PathLike) -> Vehicle:
     if path.suffix in ROTORS_ALONE and path.is_file() and rotors_in(RotorFile(path)):
         beside = f'its rotors stand beside bodies in a vehicle file: urdf = "BODIES.urdf", [rotor_file] file = "{text}"'
         raise VehicleError(f"vehicle = {shown(text)}: has no bodies; {beside}")
+    if path.suffix in FOREIGN:
+        raise VehicleError(f"vehicle = {shown(text)}: {FOREIGN[path.suffix].format(path.name, path.stem)}")
     if path.suffix not in (".toml", *RIGID):
-        allowed = f"{must_be_one_of(list_vehicles(), text)}, or the path of a .toml, .urdf or .xml (MJCF) file"
+        allowed = f"{must_be_one_of(list_vehicles(), text)}, or the path of a .toml, .urdf, .sdf or .xml (MJCF) file"
         raise VehicleError(f"vehicle = {shown(text)}: {allowed}")
     reason = unreadable(path)
     if reason:
@@ -107,12 +109,20 @@ def vehicle_of_text(text: str, file: Path) -> Vehicle:
     return _from_toml(text.encode(), file)
 
 
-RIGID = (".urdf", ".xml", ".mjcf")
-"""Suffixes of files with rigid bodies and joints, without rotors."""
+RIGID = (".urdf", ".xml", ".mjcf", ".sdf", ".world")
+"""Suffixes of files with rigid bodies and joints of other programs."""
 
 
 ROTORS_ALONE = (".yaml", ".yml", ".params")
 """Suffixes of files that may state rotors without bodies."""
+
+USD = "has no rotors' numbers; make a URDF file of it (pip install nvidia-srl-usd-to-urdf), and state [[rotors]]"
+
+FOREIGN = {
+    ".jinja": "must be made a file first: pip install jinja2-cli; jinja2 {0} -o {1}",
+    **dict.fromkeys((".usd", ".usda", ".usdc", ".usdz"), USD),
+}
+"""Suffix of a file that is not read -> what makes one that is; file names in braces."""
 
 
 def expand(path: Path) -> str:
@@ -121,7 +131,7 @@ def expand(path: Path) -> str:
 
 
 def read_rigid(path: Path, mimic: str) -> RigidBodies:
-    """Read the bodies of a URDF or MJCF file.
+    """Read the bodies of a URDF, SDF or MJCF file.
 
     Raises:
         VehicleError: without the file's name, which the caller adds.
@@ -130,13 +140,17 @@ def read_rigid(path: Path, mimic: str) -> RigidBodies:
         from skyarm.vehicle.urdf import read_urdf
 
         return read_urdf(path, mimic)
+    if path.suffix in (".sdf", ".world"):
+        from skyarm.vehicle.sdf import read_sdf
+
+        return read_sdf(path, mimic)
     from skyarm.vehicle.mjcf import read_mjcf
 
     return read_mjcf(path, mimic)
 
 
 def plain_vehicle(path: Path) -> Vehicle:
-    """Vehicle of a URDF or MJCF file alone, with the rotors that it states whole."""
+    """Vehicle of a URDF, SDF or MJCF file alone, with the rotors that it states whole."""
     from skyarm.vehicle.urdf import urdf_vehicle
 
     return urdf_vehicle(read_rigid(path, "lock"))
@@ -145,7 +159,7 @@ def plain_vehicle(path: Path) -> Vehicle:
 def _read(
     field: str, name: str, suffixes: Collection[str], mimic: str, folder: Path, chain: tuple[Path, ...]
 ) -> RigidBodies | Vehicle:
-    """Read the file that a vehicle file refers to: bodies from URDF or MJCF, or a vehicle from TOML or the library."""
+    """Read the file that a vehicle file refers to: a vehicle from TOML or the library, or bodies from another file."""
     named = "a name of the library, or " if ".toml" in suffixes else ""
     allowed = f"must be {named}the path of a file that ends in {' or '.join(suffixes)}"
     try:

@@ -27,7 +27,8 @@ from skyarm.vehicle.vehicle_records import BodyDrag, Frame, Look, MountedDrive, 
 SOURCES: Mapping[str, tuple[str, ...]] = {
     "urdf": (".urdf",),
     "mjcf": (".xml", ".mjcf"),
-    "airframe": (".toml", ".urdf", ".xml", ".mjcf"),
+    "sdf": (".sdf", ".world"),
+    "airframe": (".toml", ".urdf", ".xml", ".mjcf", ".sdf", ".world"),
 }
 """Keys that replace ``base`` and ``links``, one of them per file -> suffixes of the files that they name."""
 

@@ -10,6 +10,8 @@ from pathlib import Path
 from skyarm.records.files import PathLike
 from skyarm.vehicle.check import VehicleError, refuse
 
+COUNTS = {3: "three", 4: "four", 6: "six", 7: "seven"}
+
 
 def read_xml(path: PathLike) -> ET.Element:
     """Root element of an XML file; blank lines before its declaration are skipped.
@@ -51,12 +53,15 @@ def number(element: ET.Element | None, name: str, field: str, default: float, *,
 def numbers(element: ET.Element | None, name: str, field: str, default: tuple[float, float, float]) -> Sequence[float]:
     """Read three optional numbers from an attribute of an XML element."""
     text = None if element is None else element.get(name)
-    if text is None:
-        return default
+    return default if text is None else numbers_of(text, f"{field}.{name}", 3)
+
+
+def numbers_of(text: str, field: str, count: int) -> list[float]:
+    """Finite numbers that a text holds: three, six of a pose, four or seven with a quaternion."""
     words = text.split()
-    if len(words) != 3:
-        refuse(f"{field}.{name}", text, "must be three numbers")
-    return [finite(word, f"{field}.{name}") for word in words]
+    if len(words) != count:
+        refuse(field, text, f"must be {COUNTS.get(count, count)} numbers")
+    return [finite(word, field) for word in words]
 
 
 def finite(text: str, field: str, *, infinite: bool = False) -> float:

@@ -31,13 +31,26 @@ def motor_models(file: RotorFile) -> tuple[StatedRotor, ...]:
     """Rotors of the motor-model plugins of a URDF or SDF file, by their motor numbers."""
     if not isinstance(file.content, ET.Element):
         return ()
-    return tuple(map(_rotor, sorted(motor_plugins(file.content), key=_number_of_motor)))
+    return tuple(map(_rotor, sorted(filter(is_motor, file.content.iter("plugin")), key=_number_of_motor)))
 
 
-def motor_plugins(root: ET.Element) -> list[ET.Element]:
-    """Motor-model plugins of an XML file: those that state a motor constant or a turning direction."""
-    marks = ("motorConstant", "turningDirection")
-    return [each for each in root.iter("plugin") if any(each.find(mark) is not None for mark in marks)]
+def blade_rotors(file: RotorFile) -> tuple[StatedRotor, ...]:
+    """Rotors of LiftDrag plugins, as ArduPilot's: links that turn without end, with lift slopes in place of thrust."""
+    if not isinstance(file.content, ET.Element):
+        return ()
+    blades = {_text(plugin, "link_name") for plugin in file.content.iter("plugin") if plugin.find("cla") is not None}
+    absent = {"thrust_coefficient": "its blades are LiftDrag plugins, with lift slopes"}
+    return tuple(
+        StatedRotor(name=child.get("link", ""), link=child.get("link", ""), joint=joint.get("name", ""), absent=absent)
+        for joint in file.content.findall("joint[@type='continuous']")
+        for child in joint.findall("child")
+        if child.get("link") in blades
+    )
+
+
+def is_motor(plugin: ET.Element) -> bool:
+    """True for a motor-model plugin: one that states a motor constant or a turning direction."""
+    return any(plugin.find(mark) is not None for mark in ("motorConstant", "turningDirection"))
 
 
 def _number_of_motor(plugin: ET.Element) -> float:
@@ -47,7 +60,7 @@ def _number_of_motor(plugin: ET.Element) -> float:
 
 
 def _rotor(plugin: ET.Element) -> StatedRotor:
-    field, name, values, where = _field(plugin), _text(plugin, "linkName"), {}, {}
+    field, name, values, where, absent = _field(plugin), _text(plugin, "linkName"), {}, {}, {}
     if not name:
         refuse(f"{field}.linkName", "(missing)", "must name the rotor's link")
     for word, ours in WORDS.items():
@@ -58,7 +71,14 @@ def _rotor(plugin: ET.Element) -> StatedRotor:
         if sense not in SENSES:
             refuse(f"{field}.turningDirection", sense, "must be ccw or cw")
         values["direction"], where["direction"] = SENSES[sense], "turningDirection of the motor-model plugins"
-    return StatedRotor(name=name, link=name, values=values, where=where, joint=_text(plugin, "jointName"))
+    if _text(plugin, "reversible").lower() in ("1", "true"):
+        values["reversible"], where["reversible"] = True, "reversible of the motor-model plugins"
+    if (kind := _text(plugin, "motorType")) not in ("", "velocity"):
+        values.pop("thrust_coefficient", None)
+        absent["thrust_coefficient"] = f"motorType is {kind}, of which thrust is not motorConstant w^2"
+    return StatedRotor(
+        name=name, link=name, values=values, where=where, joint=_text(plugin, "jointName"), absent=absent
+    )
 
 
 def _field(plugin: ET.Element) -> str:

@@ -1,0 +1,363 @@
+"""SDF files 1.4 to 1.12: read a vehicle's bodies, joints and rotors as an equal URDF robot.
+
+Included and nested models become one tree, whose names carry those of the models around them (``arm::hand``). The
+link that no joint moves is the base. Links keep the axes of their file; a joint that stands elsewhere than its link
+moves a link ``LINK.JOINT``, which carries that one as a frame.
+Source: SDFormat specification 1.12 (sdformat.org/spec), with "Specifying pose" and "Model composition" there.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+import xml.etree.ElementTree as ET
+from collections.abc import Iterable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from skyarm.algebra import ZERO3, Mat3, Vec3
+from skyarm.records.files import PathLike, errors_as
+from skyarm.records.immutable import positional
+from skyarm.vehicle import description
+from skyarm.vehicle.attach import Notes, RigidBodies, posed_in
+from skyarm.vehicle.check import VehicleError, refuse
+from skyarm.vehicle.linkage import BASE
+from skyarm.vehicle.rotor_sources.motor_model import is_motor
+from skyarm.vehicle.urdf import read_robot
+from skyarm.vehicle.vehicle_records import Frame
+from skyarm.vehicle.xml_elements import finite, numbers_of, read_xml
+
+VERSIONS = tuple(f"1.{minor}" for minor in range(4, 13))
+
+FOLDERS = ("GZ_SIM_RESOURCE_PATH", "IGN_GAZEBO_RESOURCE_PATH", "GAZEBO_MODEL_PATH", "SDF_PATH")
+"""Environment variables with folders of models, as Gazebo reads them."""
+
+DEEPEST = 100
+"""Largest number of models in one vehicle, and of frames between a frame and the vehicle's."""
+
+UNLIMITED = 1e16
+"""Number from which on SDF means that there is no limit."""
+
+TRUE = ("1", "true", "True", "TRUE")
+
+ROOT = "__model__"
+"""Name by which every model knows its own frame, and the tree that of the vehicle."""
+
+ORIGIN = Frame(name="", link=BASE, position=ZERO3)
+
+
+@positional
+class _Scope:
+    """Model in which names are read: its file, the file's version, the prefix of its names, and its own frame."""
+
+    file: Path
+    version: int
+    prefix: str = ""
+    frame: str = ROOT
+
+    def whole(self, name: str) -> str:
+        """Whole name, in the vehicle, of an element that has a given name in this model."""
+        return self.frame if name in ("", ROOT) else self.prefix + name
+
+
+def read_sdf(path: PathLike, mimic: str = "lock", base: str = "") -> RigidBodies:
+    """Read rigid bodies, joints, frames and rotors of an SDF file.
+
+    Args:
+        path: path of the file.
+        mimic: one of ``attach.MIMIC``.
+        base: name of the model that is the vehicle; "" for the file's only one.
+
+    Raises:
+        VehicleError: without the file's name, which the caller adds.
+    """
+    notes = Notes()
+    model, scope = _vehicle(Path(path), base, notes)
+    tree = _Tree(notes)
+    tree.add(model, scope)
+    return read_robot(tree.robot(model.get("name", "sdf")), mimic, notes, Path(path))
+
+
+def _vehicle(path: Path, base: str, notes: Notes) -> tuple[ET.Element, _Scope]:
+    """Model of a file that is the vehicle: the only one that is not static, or the named one."""
+    sdf, scope = _document(path)
+    missing = ""
+    models = [(each, scope) for each in (*sdf.findall("model"), *sdf.findall("world/model"))]
+    for include in sdf.findall("world/include"):
+        try:
+            models.append(_read_include(include, scope))
+        except VehicleError as error:
+            missing = f"; {error}"
+            notes.add(f"not read: {error}")
+    moving = [pair for pair in models if _text(pair[0], "static") not in TRUE]
+    chosen = [pair for pair in models if pair[0].get("name") == base] or moving or models
+    if len(chosen) != 1:
+        cure = 'a TOML file with sdf = "FILE" and base = "NAME" names it'
+        refuse("models", [each.get("name") for each, _ in chosen], f"must be one, the vehicle; {cure}{missing}")
+    return chosen[0]
+
+
+def _document(path: Path) -> tuple[ET.Element, _Scope]:
+    """Root element of an SDF file, and the scope of its names."""
+    sdf = read_xml(path)
+    version = sdf.get("version", "(missing)")
+    if sdf.tag != "sdf" or version not in VERSIONS:
+        refuse("root element", f"{sdf.tag} version {version}", "must be <sdf> of version 1.4 to 1.12")
+    return sdf, _Scope(path, VERSIONS.index(version) + 4)
+
+
+def _read_include(include: ET.Element, scope: _Scope) -> tuple[ET.Element, _Scope]:
+    """Model that an <include> names, with the name, pose and plugins that it gives the model."""
+    uri = _text(include, "uri")
+    file = _file_of(uri, scope.file)
+    with errors_as(VehicleError, f"include = {uri!r}: ", VehicleError):
+        sdf, inside = _document(file)
+        model = sdf.find("model")
+        if model is None:
+            refuse("sdf", "no <model>", "must have one")
+    for word in ("name", "placement_frame"):
+        model.set(word, _text(include, word) or model.get(word, ""))
+    model[:0] = [*include.findall("pose"), *include.findall("static")]  # the first one counts
+    model.extend(include.findall("plugin"))
+    return model, replace(scope, file=file, version=inside.version)
+
+
+def _file_of(uri: str, file: Path) -> Path:
+    """SDF file that a URI names, ``model://NAME`` or a path: beside the file, beside its folder, or where Gazebo looks.
+
+    No model is fetched from the network.
+    """
+    name, here = uri.rpartition("://")[2], file.resolve().parent
+    given = [each for key in FOLDERS for each in os.environ.get(key, "").split(os.pathsep)]
+    for folder in (here.parent, here, *map(Path, filter(None, given))):
+        place = folder / name
+        for each in (place, place / "model.sdf", place / f"{place.name}.sdf"):
+            if name and ".." not in place.parts and each.is_file():
+                return each
+    refuse("include.uri", uri, f"must be model://NAME, of a folder in {here.parent} or {FOLDERS[0]}, with NAME.sdf")
+
+
+class _Tree:
+    """Links, joints and frames of a vehicle under construction, by whole names.
+
+    Attributes:
+        frames: frame -> the frame that its pose starts at, the pose, and the frame of a model that is put there.
+        carriers: frame, joint or model -> the frame or link that it is fixed to.
+    """
+
+    def __init__(self, notes: Notes) -> None:
+        self.notes, self.models = notes, 0
+        self.links: dict[str, ET.Element] = {}
+        self.joints: dict[str, tuple[ET.Element, _Scope]] = {}
+        self.named: list[str] = []
+        self.frames: dict[str, tuple[str, Frame, str]] = {}
+        self.carriers: dict[str, str] = {}
+        self.plugins: list[ET.Element] = []
+
+    def add(self, model: ET.Element, scope: _Scope) -> None:
+        """Add what a model holds, and what the models in it hold."""
+        self.models += 1
+        if self.models > DEEPEST:
+            refuse("models", self.models, f"must be at most {DEEPEST} in one vehicle; does a file include itself?")
+        own = [scope.whole(each.get("name", "")) for each in model.findall("link")]
+        before = len(self.links)
+        for element in model:
+            if element.tag == "plugin":
+                self._add_plugin(element, scope)
+            elif element.tag == "include":
+                inner, inside = _read_include(element, scope)
+                self._add_placed(inner, inside, element.get("merge") in TRUE)
+            elif element.tag in ("link", "frame", "joint", "model"):
+                self._add_placed(element, scope)
+        canonical = model.get("canonical_link")
+        first = [*own, *[*self.links][before:], "?"][0]
+        self.carriers[scope.frame] = scope.whole(canonical) if canonical else first
+
+    def _add_placed(self, element: ET.Element, scope: _Scope, merge: bool = False) -> None:
+        """Add a link, frame, joint or model; each is a frame."""
+        kind, name = element.tag, scope.whole(element.get("name", ""))
+        key = f"{kind} {name}" if merge or kind == "joint" else name
+        if key in self.frames or not element.get("name"):
+            refuse(f"{kind}.name", name, "must be there, and once in its model")
+        base = scope.whole(_text(element, "child", "?") if kind == "joint" else element.get("attached_to", ""))
+        inner = replace(scope, prefix=scope.prefix if merge else f"{name}::", frame=key)
+        pose, placement = _inner(element, "pose"), element.get("placement_frame")
+        start = pose.get("relative_to") or pose.get("frame")
+        self.frames[key] = (
+            scope.whole(start) if start else base,
+            _pose(pose, f"{kind}[{name}].pose"),
+            inner.whole(placement) if placement else "",
+        )
+        for sensor in element.findall("sensor"):
+            self.notes.add("not read", sensor.get("name", ""), "sensor")
+        if kind == "model":
+            self.add(element, inner)
+        elif kind == "link":
+            self.links[name] = element
+            if _text(element, "gravity", "1") not in TRUE:
+                self.notes.add("without gravity in the file; here it weighs", name, "link")
+        else:
+            self.carriers[key] = base
+            if kind == "frame":
+                self.named.append(name)
+            else:
+                self.joints[name] = element, scope
+
+    def _add_plugin(self, plugin: ET.Element, scope: _Scope) -> None:
+        if not is_motor(plugin):
+            self.notes.add("not read", plugin.get("name", ""), "plugin")
+        for word in ("linkName", "jointName", "link_name"):
+            for each in plugin.findall(word):
+                if text := (each.text or "").strip():
+                    each.text = scope.whole(text)
+        self.plugins.append(plugin)
+
+    def _at(self, name: str, top: str = ROOT, depth: int = 0) -> Frame:
+        """Pose of a frame in another one on the way of its pose, as a rule the vehicle's."""
+        if name == top:
+            return ORIGIN
+        key = name if name in self.frames else f"joint {name}"
+        if key not in self.frames or depth > DEEPEST:
+            refuse("relative_to", name, "must be a link, frame, joint or model whose pose does not lead back")
+        base, pose, placement = self.frames[key]
+        at = posed_in(self._at(base, top, depth + 1), pose.rotation, pose.position)
+        return posed_in(at, *_within(self._at(placement, key, depth + 1), ORIGIN)) if placement else at
+
+    def _link_of(self, name: str, field: str) -> str:
+        """Link that a frame, joint or model is fixed to."""
+        carrier = name
+        for _ in range(DEEPEST):
+            if carrier in self.links:
+                return carrier
+            carrier = self.carriers.get(carrier) or self.carriers.get(f"joint {carrier}", "?")
+        refuse(field, name, f"must be a link, as {', '.join([*self.links][:4])}")
+
+    def robot(self, name: str) -> ET.Element:
+        """URDF robot of the same links, joints, frames and plugins."""
+        robot = ET.Element("robot", name=name)
+        for link, element in self.links.items():
+            _add_inertial(ET.SubElement(robot, "link", name=link), element, self.notes)
+        for joint, (element, scope) in self.joints.items():
+            above, below = (_text(element, end, "?") for end in ("parent", "child"))
+            if above == "world":
+                self.notes.add("holds the vehicle to the world; not read: the base floats", joint)
+                continue
+            above, below = (self._link_of(scope.whole(end), f"joint[{joint}]") for end in (above, below))
+            self._join(robot, joint, above, below)
+        for frame in self.named:
+            link = self._link_of(frame, f"frame[{frame}].attached_to")
+            ET.SubElement(robot, "link", name=frame)
+            _connect(robot, f"{frame} frame", "fixed", (link, frame), (self._at(link), self._at(frame)))
+        robot.extend(self.plugins)
+        return robot
+
+    def _join(self, robot: ET.Element, name: str, above: str, below: str) -> None:
+        """Add a joint to a URDF robot, and a link of its own where it stands elsewhere than the link of the file."""
+        joint, scope = self.joints[name]
+        kind, field = joint.get("type", ""), f"joint[{name}]"
+        parent, link = self._at(above), self._at(below)
+        if kind == "fixed":
+            _connect(robot, name, kind, (above, below), (parent, link))
+            return
+        moved, seat = below, self._at(f"joint {name}")
+        if seat != link:
+            moved = f"{below}.{name}"
+            ET.SubElement(robot, "link", name=moved)
+            _connect(robot, f"{below} frame", "fixed", (moved, below), (seat, link))
+        urdf = _connect(robot, name, kind, (above, moved), (parent, seat))
+        axis, limit = _inner(joint, "axis"), {"lower": "-inf", "upper": "inf"}
+        xyz = numbers_of(_text(axis, "xyz", "0 0 1"), f"{field}.axis.xyz", 3)
+        turned = _within(seat, self._at(self._axes_of(axis, name, scope)))[0]
+        ET.SubElement(urdf, "axis", xyz=_text_of(turned.apply(description.vector(xyz))))
+        for word, text in _texts(axis, "limit").items():
+            value = finite(text, f"{field}.limit.{word}", infinite=True)
+            if abs(value) < UNLIMITED and (word in limit or value >= 0.0):
+                limit[word] = text
+        if kind == "revolute" and (limit["lower"], limit["upper"]) == ("-inf", "inf"):
+            urdf.set("type", "continuous")
+        ET.SubElement(urdf, "limit", limit)
+        rubbing = _texts(axis, "dynamics")
+        if finite(spring := rubbing.get("spring_stiffness", "0"), f"{field}.spring_stiffness"):
+            refuse(f"{field}.spring_stiffness", spring, "must be 0; springs are not supported")
+        ET.SubElement(urdf, "dynamics", rubbing)
+        if axis.find("mimic") is not None:
+            self.notes.add("<mimic>: not read; it moves by itself", name)
+
+    def _axes_of(self, axis: ET.Element, name: str, scope: _Scope) -> str:
+        """Frame in whose axes a joint's axis is stated."""
+        if stated := _inner(axis, "xyz").get("expressed_in"):
+            return scope.whole(stated)
+        in_model = scope.version < 5 or _text(axis, "use_parent_model_frame") in TRUE
+        if in_model and scope.version >= 7:
+            self.notes.add("use_parent_model_frame is no word of SDF 1.7 and later; not read", name)
+        return scope.frame if in_model and scope.version < 7 else f"joint {name}"
+
+
+def _inner(element: ET.Element, path: str) -> ET.Element:
+    """First element at a path below another one; an empty one if there is none."""
+    return next(element.iterfind(path), ET.Element(path))
+
+
+def _text(element: ET.Element, path: str, usual: str = "") -> str:
+    """Text of an element below another one, or the usual one."""
+    return element.findtext(path, "").strip() or usual
+
+
+def _texts(element: ET.Element, path: str) -> dict[str, str]:
+    """Texts of the elements in the one at a path, by tag; empty ones are left out."""
+    return {each.tag: each.text.strip() for each in element.iterfind(f"{path}/*") if each.text}
+
+
+def _pose(pose: ET.Element, field: str) -> Frame:
+    """Pose of a <pose>: position (m), and roll, pitch, yaw (rad or degrees) or a quaternion."""
+    text, four = (pose.text or "").strip(), pose.get("rotation_format") == "quat_xyzw"
+    if not text:
+        return ORIGIN
+    x, y, z, *turn = numbers_of(text, field, 7 if four else 6)
+    if four:
+        R = description.rotation_quaternion(field, [turn[3], *turn[:3]])
+    else:
+        R = description.rotation_rpy(list(map(math.radians, turn)) if pose.get("degrees") in TRUE else turn)
+    return replace(ORIGIN, position=description.vector((x, y, z)), rotation=R)
+
+
+def _within(outer: Frame, inner: Frame) -> tuple[Mat3, Vec3]:
+    """Pose of a frame in another one, both in the axes of a third."""
+    R = outer.rotation
+    return description.rotation(R.T @ inner.rotation), R.apply_T(inner.position - outer.position)
+
+
+def _text_of(values: Iterable[Any]) -> str:
+    return " ".join(repr(float(each)) for each in values)
+
+
+def _set_origin(urdf: ET.Element, R: Mat3, p: Vec3) -> None:
+    """Give a URDF element its pose; of the rows of quaternion products the longest keeps the most digits."""
+    w, *xyz = max(description.quaternion_products(R.rows), key=lambda row: math.hypot(*row))
+    length = math.hypot(w, *xyz)
+    ET.SubElement(urdf, "origin", xyz=_text_of(p), quat_xyzw=_text_of(each / length for each in (*xyz, w)))
+
+
+def _connect(robot: ET.Element, name: str, kind: str, ends: tuple[str, str], poses: tuple[Frame, Frame]) -> ET.Element:
+    """Add a joint between two links of a URDF robot, at given poses of these."""
+    joint = ET.SubElement(robot, "joint", name=name, type=kind)
+    for tag, link in zip(("parent", "child"), ends, strict=True):
+        ET.SubElement(joint, tag, link=link)
+    _set_origin(joint, *_within(*poses))
+    return joint
+
+
+def _add_inertial(urdf: ET.Element, link: ET.Element, notes: Notes) -> None:
+    """Give a URDF link the mass of a link of SDF; what the file does not state has the values that SDF defines."""
+    name, stated = urdf.get("name", ""), _inner(link, "inertial")
+    if stated.get("auto") in TRUE:
+        refuse(f"link[{name}].inertial.auto", "true", "must be false, beside <mass>, <inertia>; no shape is weighed")
+    given = {"mass": _text(stated, "mass"), **_texts(stated, "inertia")}
+    if missing := [word for word in ("mass", "ixx", "iyy", "izz") if not given.get(word)]:
+        notes.add(f"without {', '.join(missing)}: 1 kg and 1 kg m^2, as SDF defines", name, "link")
+        given |= dict.fromkeys(missing, "1")
+    inertial, at = ET.SubElement(urdf, "inertial"), _pose(_inner(stated, "pose"), f"link[{name}].inertial.pose")
+    _set_origin(inertial, at.rotation, at.position)
+    ET.SubElement(inertial, "mass", value=given["mass"])
+    ET.SubElement(inertial, "inertia", {"ixy": "0", "ixz": "0", "iyz": "0", **given})
