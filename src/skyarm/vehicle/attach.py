@@ -12,7 +12,7 @@ from skyarm.records.coerce import absent, concrete
 from skyarm.records.files import printable
 from skyarm.records.immutable import positional
 from skyarm.vehicle import description
-from skyarm.vehicle.check import refuse
+from skyarm.vehicle.check import VehicleError, refuse
 from skyarm.vehicle.linkage import BASE, Body, Follower, Joint, Link
 from skyarm.vehicle.stated_rotors import StatedRotor
 from skyarm.vehicle.vehicle_records import Frame, Look, Vehicle
@@ -74,6 +74,10 @@ def attach(airframe: RigidBodies, arm: RigidBodies, mount: Mount) -> RigidBodies
         VehicleError: no such link, or a name that stands in both.
     """
     seat = posed_in(place_in(airframe, mount.to, f"{mount.field}.to"), mount.rotation, mount.position)
+    kept = ()
+    if arm.pose != (Mat3.identity(), ZERO3):
+        seat = posed_in(seat, *arm.pose)
+        kept = (f"{arm.name}: body {arm.root} stands moved or turned in its file and keeps that pose on the airframe",)
     named = _with_prefix(arm, mount.prefix)
     root = [] if named.root == "base" else [replace(seat, name=named.root)]
     _require_new_names(airframe, named, [frame.name for frame in root], mount)
@@ -97,16 +101,16 @@ def attach(airframe: RigidBodies, arm: RigidBodies, mount: Mount) -> RigidBodies
         base = description.body([base, load])
     else:
         links[seat.link] = replace(links[seat.link], body=description.body([links[seat.link].body, load]))
-    return RigidBodies(
-        airframe.name,
-        airframe.root,
-        base,
-        (*links, *map(mount_link, named.links)),
-        (*airframe.frames, *root, *map(move, named.frames)),
-        {**airframe.mimics, **named.mimics},
-        (*airframe.notes, *(f"{arm.name}: {note}" for note in arm.notes)),
-        (*airframe.looks, *map(move, named.looks)),
-        airframe.rotors,
+    return replace(
+        airframe,
+        base=base,
+        links=(*links, *map(mount_link, named.links)),
+        frames=(*airframe.frames, *root, *map(move, named.frames)),
+        mimics={**airframe.mimics, **named.mimics},
+        notes=(*airframe.notes, *(f"{arm.name}: {note}" for note in arm.notes), *kept),
+        looks=(*airframe.looks, *map(move, named.looks)),
+        drives={**airframe.drives, **named.drives},
+        faults={**airframe.faults, **named.faults},
     )
 
 
@@ -132,7 +136,18 @@ def _with_prefix(arm: RigidBodies, prefix: str) -> RigidBodies:
     frames = tuple(replace(frame, name=prefix + frame.name) for frame in arm.frames)
     mimics = {prefix + name: replace(each, joint=prefix + each.joint) for name, each in arm.mimics.items()}
     looks = tuple(replace(look, name=prefix + look.name) for look in arm.looks)
-    return replace(arm, root=prefix + arm.root, links=links, frames=frames, mimics=mimics, looks=looks)
+    return replace(
+        arm,
+        root=prefix + arm.root,
+        links=links,
+        frames=frames,
+        mimics=mimics,
+        looks=looks,
+        drives={prefix + name: table for name, table in arm.drives.items()},
+        faults={
+            f"{prefix}: {fault}": frozenset(prefix + name for name in joints) for fault, joints in arm.faults.items()
+        },
+    )
 
 
 def _require_new_names(airframe: RigidBodies, arm: RigidBodies, root: list[str], mount: Mount) -> None:
@@ -298,6 +313,9 @@ class RigidBodies:
         notes: elements that its reader left out or read in another way, a line each.
         looks: meshes of its links.
         rotors: rotors that its file states.
+        drives: servos that its file states: joint -> table as ``[drives.JOINT]`` of a vehicle file has it.
+        pose: rotation and position (m) of the root in its file, which it keeps where an airframe carries it.
+        faults: error about what the file holds -> joints that make it harmless if all are held.
     """
 
     name: str
@@ -309,6 +327,20 @@ class RigidBodies:
     notes: tuple[str, ...] = ()
     looks: tuple[Look, ...] = ()
     rotors: tuple[StatedRotor, ...] = ()
+    drives: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+    pose: tuple[Mat3, Vec3] = (Mat3.identity(), ZERO3)
+    faults: Mapping[str, frozenset[str]] = field(default_factory=dict)
+
+    def require_no_faults(self) -> None:
+        """Raise an error for the first fault, with the joints that make all of them harmless if they are held.
+
+        Raises:
+            VehicleError: one line with field, value, what is allowed and the cure.
+        """
+        for fault in self.faults:
+            names = sorted({follow(each, self.mimics).joint for joints in self.faults.values() for each in joints})
+            hold = f'[[joints]] name = "{names[0]}", hold = 0.0' + f", and so {', '.join(names[1:])}" * (len(names) > 1)
+            raise VehicleError(f"{fault}; or hold the joints on which such parts act: {hold}")
 
 
 SHOWN = 4

@@ -60,6 +60,8 @@ def hold_joints(bodies: RigidBodies, values: Mapping[str, float]) -> RigidBodies
         frames=(*map(move, bodies.frames), *frames),
         looks=tuple(map(move, bodies.looks)),
         mimics={name: each for name, each in bodies.mimics.items() if name not in held},
+        drives={name: each for name, each in bodies.drives.items() if name not in held},
+        faults={fault: joints - held.keys() for fault, joints in bodies.faults.items() if joints - held.keys()},
     )
 
 

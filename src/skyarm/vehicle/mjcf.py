@@ -1,73 +1,96 @@
 """MJCF files: read a vehicle's rigid bodies and joints with MuJoCo's parser.
 
-The body with the free joint is the base; without one it is the only body of the world, which then floats, or the world
-itself. Hinges and slides become joints, several of one body joints with massless links between them. Sites, and bodies
-without joints, become frames. What has no counterpart is refused by its name.
+The body with the free joint is the base; without one it is the only body of the world that has joints or weighs
+something, which then floats, or the world itself. Hinges and slides become joints, several of one body joints with
+massless links between them. Sites, and bodies without joints, become frames. What has no counterpart is refused by its
+name; what acts on joints only is refused where these are not held.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from skyarm.algebra import Mat3, Quaternion, Sym3, Vec3
+from skyarm.algebra import ZERO3, Mat3, Quaternion, Sym3, Vec3
 from skyarm.records.arrays import Array
 from skyarm.records.files import one_line
 from skyarm.vehicle import description
 from skyarm.vehicle.attach import BodyTree, Mimic, Notes, RigidBodies, follow, held_pose, posed_in
 from skyarm.vehicle.check import VehicleError, refuse
 from skyarm.vehicle.linkage import BASE, Body, Joint
+from skyarm.vehicle.mjcf_actuators import AT_JOINT, effort_of, name_of, read_drives
+from skyarm.vehicle.rotor_sources.mujoco_thrust import SITE, MujocoVehicle
 from skyarm.vehicle.stated_rotors import RotorFile, rotors_in
 from skyarm.vehicle.vehicle_records import Frame
 from skyarm.vehicle.xml_elements import read_xml
 
 if TYPE_CHECKING:
-    from mujoco import MjModel
+    from mujoco import MjData, MjModel
 
 
 class _Tree(BodyTree):
-    """Kinematic tree of a compiled MuJoCo model, with the frame of each of its bodies."""
+    """Kinematic tree of a compiled MuJoCo model, with the frame of each of its bodies.
+
+    Attributes:
+        seats: frame of each body. balls: ball joints, at rest.
+        of_rotors: joints that spin or tilt rotors. carrying: links and sites that carry rotors.
+    """
 
     def __init__(self, model: MjModel, coupled: bool, notes: Notes) -> None:
         super().__init__(mimics_of(model), notes)
         self.model, self.coupled = model, coupled
         self.seats: dict[int, Frame] = {}
+        self.of_rotors: set[str] = set()
+        self.carrying: set[str] = set()
+        self.balls: set[str] = set()
+        self.named = {name_of(model, "body", body) for body in range(1, int(model.nbody))}
 
     def unique(self, name: str) -> str:
         """Unique name, with underscores appended where needed: MuJoCo has separate names for each kind of element."""
-        taken = {frame.name for frame in self.frames} | {link.name for link in self.links}
+        taken = {frame.name for frame in self.frames} | {link.name for link in self.links} | self.named
         while name in taken:
             name += "_"
         return name
 
 
-def read_mjcf(path: Path, mimic: str = "lock") -> RigidBodies:
-    """Read rigid bodies, joints and frames of an MJCF file.
+def read_mjcf(path: Path, mimic: str = "lock", base: str = "") -> RigidBodies:
+    """Read rigid bodies, joints, frames, rotors and drives of an MJCF file.
 
     Args:
         path: path of the file.
         mimic: "lock" or "couple": joints that an equality ties to others are fixed where they rest, or follow.
+        base: name of the body of the world that is the base; "" for the only one.
 
     Raises:
         VehicleError: without the file's name, which the caller adds.
     """
     model, notes = _compile(path), Notes()
-    require_supported(model, notes)
-    root, left_out = _root(model)
+    root, left_out = _root(model, base, notes)
+    faults = require_supported(model, root, notes)
     for body in left_out:
-        notes.add("fixed to the world beside the vehicle; not read", name_of(model, "body", body), "body")
+        notes.add("fixed to the world beside the vehicle; not read", name_of(model, "body", body), "part")
     tree = _Tree(model, mimic == "couple", notes)
     tree.seats[root] = Frame(name="", link=BASE, position=Vec3(0, 0, 0))
+    rotors = rotors_in(RotorFile(path, MujocoVehicle(model, _at_rest(model), root, notes)))
+    tree.of_rotors = {name for each in rotors for name in (each.joint, each.tilt_joint)}
+    tree.carrying = {each.link for each in rotors}
     _read_body(tree, root)
     for body in range(1, int(model.nbody)):
         if body != root and int(model.body_parentid[body]) in tree.seats and body not in left_out:
             _read_child(tree, body)
     title = model.names[: model.names.index(b"\0")].decode() or path.stem
     bodies = tree.bodies(title, name_of(model, "body", root) if root else "world", tree.coupled)
-    return replace(bodies, rotors=rotors_in(RotorFile(path, model)))
+    driven = {link.joint.name for link in tree.links} - tree.of_rotors - set(bodies.mimics)
+    drives = read_drives(model, driven, notes)
+    pose = (Mat3.identity(), ZERO3)
+    if root and not _joints(model, root):
+        pose = (_rotation(model.body_quat[root]), _vector(model.body_pos[root]))
+    movable = {link.joint.name for link in tree.links} | tree.balls
+    acting = {fault: joints & movable for fault, joints in faults.items() if joints & movable}  # the others are fixed
+    return replace(bodies, rotors=rotors, drives=drives, pose=pose, faults=acting, notes=notes.lines())
 
 
 def _compile(path: Path) -> MjModel:
@@ -90,26 +113,45 @@ def _compile(path: Path) -> MjModel:
         mujoco.set_mju_user_warning(usual)
 
 
+def _at_rest(model: MjModel) -> MjData:
+    """Poses of the bodies, joints and sites of a MuJoCo model at rest."""
+    import mujoco
+
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    return data
+
+
 def _ignore(text: str) -> None:
     """Discard a warning of MuJoCo."""
 
 
-def _root(model: MjModel) -> tuple[int, list[int]]:
-    """Body that becomes the base (0 for the world), and other bodies fixed to the world, which are ignored."""
-    top = [body for body in range(1, int(model.nbody)) if model.body_parentid[body] == 0]
-    free = [body for body in top if _joints(model, body) and kind_of(model, _joints(model, body)[0]) == "free"]
-    if len(free) > 1:
-        names = [name_of(model, "body", body) for body in free]
-        refuse("bodies with a free joint", names, "must be one, the base")
-    alone = [body for body in top if body not in free]
-    if not free and len(alone) == 1 and not _joints(model, alone[0]):
-        return alone[0], []
-    if not free:
+def _root(model: MjModel, wanted: str, notes: Notes) -> tuple[int, list[int]]:
+    """Body that becomes the base (0 for the world), and other bodies of the world, which are not read.
+
+    Raises:
+        VehicleError: several bodies could be the base, or ``wanted`` is none of them.
+    """
+    top = {body: name_of(model, "body", body) for body in range(1, int(model.nbody)) if not model.body_parentid[body]}
+    own = {body: [kind_of(model, joint) for joint in _joints(model, body)] for body in top}
+    free = [body for body in top if "free" in own[body]]
+    moving = [body for body in top if body not in free and any(_joints(model, each) for each in _subtree(model, body))]
+    heavy = [body for body in top if model.body_subtreemass[body] and model.body_mocapid[body] < 0]
+    chosen = [body for body in top if top[body] == wanted] if wanted else free or moving or heavy or list(top)
+    listed = ", ".join(f"{top[body]} ({float(model.body_subtreemass[body]):.6g} kg)" for body in top)
+    cure = f'base = "NAME" of the vehicle file takes one: {listed}'
+    if wanted and not chosen:
+        refuse("base", wanted, f"must be a body of the world: {listed}")
+    if not wanted and free and moving:
+        refuse(f"body[{top[moving[0]]}]", "beside the base", f"must be a part of the base's tree; {cure}")
+    if len(chosen) > 1 and not moving:
+        what = "bodies with a free joint" if free else "bodies of the world"
+        refuse(what, [top[body] for body in chosen], f"must be one, the base; {cure}")
+    if len(chosen) > 1:
+        notes.add(f"together on the world, which is the base; {cure}")
         return 0, []
-    for body in alone:
-        if any(_joints(model, each) for each in _subtree(model, body)):
-            refuse(f"body[{name_of(model, 'body', body)}]", "beside the base", "must be a part of the base's tree")
-    return free[0], alone
+    root = chosen[0] if chosen and own[chosen[0]] in ([], ["free"]) else 0
+    return root, [body for body in top if body not in chosen]
 
 
 def _subtree(model: MjModel, body: int) -> list[int]:
@@ -131,20 +173,23 @@ def _read_child(tree: _Tree, body: int) -> None:
     model, name = tree.model, name_of(tree.model, "body", body)
     carrier = tree.seats[int(model.body_parentid[body])]
     at = posed_in(carrier, _rotation(model.body_quat[body]), _vector(model.body_pos[body]))
-    moving = [joint for joint in _joints(model, body) if not _is_fixed(tree, joint)]
+    balls = [joint for joint in _joints(model, body) if kind_of(model, joint) == "ball"]
+    tree.balls |= {name_of(model, "jnt", joint) for joint in balls}
+    moving = [joint for joint in _joints(model, body) if joint not in balls and not _is_fixed(tree, joint)]
     for joint in _joints(model, body):
         anchor = _vector(model.jnt_pos[joint])
         at = posed_in(at, Mat3.identity(), anchor)
         if joint in moving:
-            made = read_joint(model, joint, at.rotation, at.position, tree.notes)
+            silent = name_of(model, "jnt", joint) in tree.of_rotors
+            made = read_joint(model, joint, at.rotation, at.position, Notes() if silent else tree.notes)
             link = name if joint == moving[-1] else tree.unique(f"{name}.{made.name}")
             at = tree.add_link(link, at.link, made)
-        else:
+        elif joint not in balls:
             at = _held_pose(tree, joint, at)
         at = posed_in(at, Mat3.identity(), -anchor)
     tree.seats[body] = at
     if not moving:
-        tree.frames.append(replace(at, name=tree.unique(name)))
+        tree.frames.append(replace(at, name=name))
     _read_body(tree, body)
 
 
@@ -175,9 +220,10 @@ def _read_body(tree: _Tree, body: int) -> None:
         moments = Sym3.from_numbers(*model.body_inertia[body].tolist())
         tree.add_body(at.link, Body(mass=mass, com=com, inertia=moments.rotate(R)))
     for site in range(int(model.nsite)):
-        if int(model.site_bodyid[site]) == body and model.site(site).name:
+        name = name_of(model, "site", site)
+        if int(model.site_bodyid[site]) == body and (model.site(site).name or name in tree.carrying):
             pose = _rotation(model.site_quat[site]), _vector(model.site_pos[site])
-            tree.frames.append(posed_in(at, *pose, tree.unique(model.site(site).name)))
+            tree.frames.append(posed_in(at, *pose, tree.unique(name)))
 
 
 def _vector(values: Array) -> Vec3:
@@ -191,9 +237,6 @@ def _rotation(wxyz: Array) -> Mat3:
 KINDS = ("free", "ball", "prismatic", "revolute")
 """Kinds of joints, in the order of MuJoCo's enumeration."""
 
-AT_JOINT = (0, 1)
-"""MuJoCo's enumeration values of the transmissions that act at a joint."""
-
 
 def kind_of(model: MjModel, joint: int) -> str:
     """Kind of a MuJoCo joint, one of ``KINDS``."""
@@ -206,9 +249,6 @@ def read_joint(model: MjModel, joint: int, R: Mat3, p: Vec3, notes: Notes) -> Jo
     if model.qpos0[model.jnt_qposadr[joint]]:
         notes.add("with a ref: its zero here is where the file's model stands", name)
     lower, upper = limits(model, joint)
-    effort = _effort(model, joint)
-    if effort == 0.0:
-        notes.add("without an actuator, so passive; [[joints]] effort_limit gives it a drive", name)
     dof = int(model.jnt_dofadr[joint])
     given = {"damping": "dof_damping", "coulomb": "dof_frictionloss", "armature": "dof_armature"}
     rubbing: dict[str, Any] = {
@@ -223,32 +263,9 @@ def read_joint(model: MjModel, joint: int, R: Mat3, p: Vec3, notes: Notes) -> Jo
         rotation=R,
         lower=lower,
         upper=upper,
-        effort_limit=effort,
+        effort_limit=effort_of(model, joint, notes),
         **rubbing,
     )
-
-
-def _effort(model: MjModel, joint: int) -> float:
-    """Effort limit of a joint from all its actuators together, N m or N; 0 without actuators."""
-    total = 0.0
-    for actuator in range(int(model.nu)):
-        if int(model.actuator_trntype[actuator]) in AT_JOINT and int(model.actuator_trnid[actuator][0]) == joint:
-            total += abs(float(model.actuator_gear[actuator][0])) * _largest_force(model, actuator)
-    if model.jnt_actfrclimited[joint]:
-        total = min(total, max(abs(float(each)) for each in model.jnt_actfrcrange[joint]))
-    return total
-
-
-def _largest_force(model: MjModel, actuator: int) -> float:
-    """Largest actuator force or torque (N or N m) before the gear, from its force range or proportional control."""
-    largest = math.inf
-    if model.actuator_forcelimited[actuator]:
-        largest = max(abs(float(each)) for each in model.actuator_forcerange[actuator])
-    plain = not model.actuator_gaintype[actuator] and not model.actuator_biastype[actuator]
-    if plain and model.actuator_ctrllimited[actuator]:
-        gain = abs(float(model.actuator_gainprm[actuator][0]))
-        largest = min(largest, gain * max(abs(float(each)) for each in model.actuator_ctrlrange[actuator]))
-    return largest
 
 
 def mimics_of(model: MjModel) -> dict[str, Mimic]:
@@ -288,39 +305,45 @@ def limits(model: MjModel, joint: int) -> tuple[float, float]:
     return lower, upper
 
 
-def name_of(model: MjModel, kind: str, index: int) -> str:
-    """Name of an element of a MuJoCo model; made from its index if the file states none."""
-    return str(getattr(model, kind)(index).name) or f"{kind}{index}"
-
-
 TENDON_FORCES = ("tendon_stiffness", "tendon_damping", "tendon_frictionloss", "tendon_limited", "tendon_armature")
 
 
-def require_supported(model: MjModel, notes: Notes) -> None:
-    """Raise an error for unsupported MJCF elements, such as springs, and add notes on ignored elements.
+def require_supported(model: MjModel, root: int, notes: Notes) -> dict[str, frozenset[str]]:
+    """Elements of an MJCF file that are not supported: error -> joints that make it harmless if all are held.
+
+    Args:
+        model: MuJoCo's model.
+        root: body that is the base, 0 for the world.
+        notes: takes what is ignored.
 
     Raises:
-        VehicleError: the first of them.
+        VehicleError: the first element that no held joint makes harmless.
     """
-    _require_plain_joints(model)
+    faults = {**_joint_faults(model, notes), **_loop_faults(model, root)}
     for tendon in range(int(model.ntendon)):
-        name = name_of(model, "tendon", tendon)
-        if _is_stated(model, TENDON_FORCES, tendon):
-            refuse(f"tendon[{name}]", "a pull of its own", "must pull nothing; tendons are not supported")
-        notes.add("not read", name, "tendon")
+        name, wraps = name_of(model, "tendon", tendon), slice(model.tendon_adr[tendon], None)
+        if not _is_stated(model, TENDON_FORCES, tendon):
+            notes.add("not read", name, "tendon")
+        else:
+            joints = model.wrap_objid[wraps][: model.tendon_num[tendon]]
+            fault = f"tendon[{name}] = 'a pull of its own': must pull nothing; tendons are not supported"
+            if (model.wrap_type[wraps][: len(joints)] != 1).any():
+                raise VehicleError(fault)
+            faults[fault] = frozenset(name_of(model, "jnt", int(joint)) for joint in joints)
     for body in range(1, int(model.nbody)):
         if model.body_gravcomp[body]:
             refuse(f"body[{name_of(model, 'body', body)}].gravcomp", float(model.body_gravcomp[body]), "must be 0")
     if model.nflex:
         refuse("flex", int(model.nflex), "must be rigid bodies only")
-    for actuator in range(int(model.nu)):
+    for actuator in range(int(model.nactuator)):
         name = name_of(model, "actuator", actuator)
         if _is_stated(model, ("actuator_armature", "actuator_damping"), actuator):
             refuse(f"actuator[{name}]", "armature or damping of its own", "must be stated at its joint")
-        if int(model.actuator_trntype[actuator]) not in AT_JOINT:
-            notes.add("not at a joint, so not read; rotors are stated in [[rotors]]", name, "actuator")
+        if int(model.actuator_trntype[actuator]) not in (*AT_JOINT, SITE):
+            notes.add("not at a joint or site, so not read", name, "actuator")
     if model.opt.density or model.opt.viscosity:
         notes.add("density and viscosity of the option are not read; [drag] and the scenario's air say that")
+    return faults
 
 
 def _is_stated(model: MjModel, names: tuple[str, ...], index: int) -> bool:
@@ -328,22 +351,48 @@ def _is_stated(model: MjModel, names: tuple[str, ...], index: int) -> bool:
     return any(getattr(model, name)[index].any() for name in names)
 
 
-def _require_plain_joints(model: MjModel) -> None:
-    """Raise an error for ball joints, springs, nonlinear damping and closed chains."""
-    import mujoco
-
+def _joint_faults(model: MjModel, notes: Notes) -> dict[str, frozenset[str]]:
+    """Ball joints, springs and nonlinear damping, with their joints; notes on what a free joint has of these."""
+    faults = {}
     for joint in range(int(model.njnt)):
-        field = f"joint[{name_of(model, 'jnt', joint)}]"
-        if kind_of(model, joint) == "ball":
-            refuse(f"{field}.type", "ball", "must be 'hinge' or 'slide'; or three hinges in one body")
+        name, kind, dof = name_of(model, "jnt", joint), kind_of(model, joint), int(model.jnt_dofadr[joint])
+        own = frozenset({name})
+        if kind == "ball":
+            faults[f"joint[{name}].type = 'ball': must be 'hinge' or 'slide'; or three hinges in one body"] = own
         if _is_stated(model, ("jnt_stiffness", "jnt_stiffnesspoly"), joint):
             stiffness = model.jnt_stiffness[joint].ravel().tolist()[0]
-            refuse(f"{field}.stiffness", stiffness, "must be 0; springs are not supported")
-        if _is_stated(model, ("dof_dampingpoly",), int(model.jnt_dofadr[joint])):
-            refuse(f"{field}.damping", "a polynomial", "must be one number")
-    kinds = {int(mujoco.mjtEq.mjEQ_CONNECT): "connect", int(mujoco.mjtEq.mjEQ_WELD): "weld"}
+            faults[f"joint[{name}].stiffness = {stiffness}: must be 0; springs are not supported"] = own
+        if _is_stated(model, ("dof_dampingpoly",), dof):
+            faults[f"joint[{name}].damping = 'a polynomial': must be one number"] = own
+        if kind == "free" and _is_stated(model, ("dof_armature", "dof_damping", "dof_frictionloss"), dof):
+            notes.add("free, with armature or friction of the file's defaults, not read; a <freejoint/> has none", name)
+        if kind == "free" and own in faults.values():
+            raise VehicleError(list(faults)[-1])
+    return faults
+
+
+def _loop_faults(model: MjModel, root: int) -> dict[str, frozenset[str]]:
+    """Equalities that close a chain, with the joints between their two bodies."""
+    import mujoco
+
+    kinds, faults = {int(mujoco.mjtEq.mjEQ_CONNECT): "connect", int(mujoco.mjtEq.mjEQ_WELD): "weld"}, {}
     for each in range(int(model.neq)):
-        kind = int(model.eq_type[each])
-        if model.eq_active0[each] and kind != mujoco.mjtEq.mjEQ_JOINT:
-            allowed = "closed chains are not supported" if kind in kinds else "only equalities of joints are supported"
-            refuse(f"equality[{each}]", kinds.get(kind, "of another kind"), allowed)
+        kind, ends = int(model.eq_type[each]), (int(model.eq_obj1id[each]), int(model.eq_obj2id[each]))
+        if not model.eq_active0[each] or kind == mujoco.mjtEq.mjEQ_JOINT:
+            continue
+        allowed = "closed chains are not supported" if kind in kinds else "only equalities of joints are supported"
+        fault = f"equality[{each}] = {kinds.get(kind, 'of another kind')!r}: {allowed}"
+        at_bodies = kind in kinds and model.eq_objtype[each] == mujoco.mjtObj.mjOBJ_BODY
+        trees = set(model.body_rootid[list(ends)].tolist()) if at_bodies else set()
+        if not at_bodies or (root and root in trees and len(trees) > 1):  # it holds the vehicle to its world
+            raise VehicleError(f"{fault}; must be left out of the file")
+        first, second = (set(_up(model, body)) for body in ends)
+        faults[fault] = frozenset(name_of(model, "jnt", j) for body in first ^ second for j in _joints(model, body))
+    return faults
+
+
+def _up(model: MjModel, body: int) -> Iterator[int]:
+    """A body of a MuJoCo model and all that carry it, but for the world."""
+    while body:
+        yield body
+        body = int(model.body_parentid[body])

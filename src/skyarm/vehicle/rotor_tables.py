@@ -16,7 +16,7 @@ from skyarm.vehicle.attach import RigidBodies, place_in
 from skyarm.vehicle.check import VehicleError, refuse, unique
 from skyarm.vehicle.held_joints import hold_joints
 from skyarm.vehicle.linkage import BASE
-from skyarm.vehicle.stated_rotors import MAX_THRUST, StatedRotor, gaps_of, whole_values
+from skyarm.vehicle.stated_rotors import MAX_THRUST, NEEDED_OF_TILTS, StatedRotor, gaps_of, whole_values
 from skyarm.vehicle.thrust_table import ThrustTable
 from skyarm.vehicle.tilt import Tilt, arm_direction
 from skyarm.vehicle.vehicle_records import Rolling, Rotor
@@ -62,16 +62,16 @@ class MountedRotors:
     notes: tuple[str, ...] = ()
 
 
-def read_rotor_tables(top: Fields) -> RotorTables:
-    """Read ``[rotor_defaults]`` and ``[[rotors]]`` of a vehicle file."""
+def read_rotor_tables(top: Fields, tilting: bool = False) -> RotorTables:
+    """Read ``[rotor_defaults]`` and ``[[rotors]]`` of a vehicle file; ``tilting``: they may complete a file's tilts."""
     inner = top.inner("rotor_defaults")
-    usual, whole = _values(inner), inner.flag("all_stated", False)
+    usual, whole = _values(inner, tilting), inner.flag("all_stated", False)
     inner.done()
     own = {}
     tables = top.tables("rotors")
     unique("rotors.name", [each.text("name") for each in tables])
     for fields in tables:
-        values = _values(fields)
+        values = _values(fields, tilting)
         if fields.take("position", None) is not None:
             values["position"] = description.vector(fields.vector("position"))
         if fields.take("direction", None) is not None:
@@ -83,7 +83,7 @@ def read_rotor_tables(top: Fields) -> RotorTables:
     return RotorTables(whole, usual, own, {each.text("name"): each for each in tables})
 
 
-def _values(fields: Fields) -> dict[str, Any]:
+def _values(fields: Fields, tilting: bool) -> dict[str, Any]:
     """Read the stated fields of one rotor, or those of [rotor_defaults]."""
     values: dict[str, Any] = dict(numbers_from(Rotor, fields, partial=True))
     values |= _axis(fields)
@@ -96,7 +96,7 @@ def _values(fields: Fields) -> dict[str, Any]:
         values["table"] = record_from(ThrustTable, fields.inner("thrust_table"))
     if fields.take("tilt", None) is not None:
         inner = fields.inner("tilt")
-        values["tilt"] = {**numbers_from(Tilt, inner), **_axis(inner)}
+        values["tilt"] = {**numbers_from(Tilt, inner, partial=tilting), **_axis(inner)}
         inner.done()
     return values
 
@@ -132,7 +132,7 @@ def mount_rotors(bodies: RigidBodies, tables: RotorTables) -> MountedRotors:
         name: StatedRotor(name=name, link=each.get("link", "base")) for name, each in tables.own.items()
     }
     values = {
-        name: {**tables.usual, **_spin(bodies, origin), **origin.values, **tables.own.get(name, {})}
+        name: _merge(tables.usual, _spin(bodies, origin), origin.values, tables.own.get(name, {}))
         for name, origin in origins.items()
     }
     still = _without_spin(bodies, (*stated.values(), *origins.values()))
@@ -142,6 +142,9 @@ def mount_rotors(bodies: RigidBodies, tables: RotorTables) -> MountedRotors:
     for name, fields in tables.tables.items() if not whole else ():
         for needed in ("direction", *(() if "link" in tables.own[name] else ("position",))):
             fields.take(needed)
+        for needed in NEEDED_OF_TILTS if "tilt" in values[name] else ():
+            if needed not in values[name]["tilt"]:
+                fields.inner("tilt").take(needed)
     rotors = () if gaps else tuple(_rotor(still, origins[name], values[name]) for name in origins)
     sources = dict.fromkeys((f"rotors.{word}", text) for each in whole.values() for word, text in each.where.items())
     return MountedRotors(still, rotors, tuple(gaps), tuple(sources), notes)
@@ -156,9 +159,18 @@ def without_rotors(bodies: RigidBodies) -> RigidBodies:
 
 
 def _without_spin(bodies: RigidBodies, rotors: Iterable[StatedRotor]) -> RigidBodies:
-    """Bodies in which the joints that spin rotors are held."""
-    spinning = {each.joint or _joint_of(bodies, each.link) for each in rotors}
+    """Bodies in which the joints that spin or tilt rotors are held."""
+    rotors = tuple(rotors)
+    spinning = {each.joint or _joint_of(bodies, each.link) for each in rotors} | {each.tilt_joint for each in rotors}
     return hold_joints(bodies, dict.fromkeys(sorted(spinning - {""}), 0.0))
+
+
+def _merge(usual: Values, stated: Values, spin: Values, own: Values) -> dict[str, Any]:
+    """Values of a rotor: usual ones, those of another file, the rotor's own; these complete the tilt of the file."""
+    merged = {**usual, **stated, **spin, **own}
+    if "tilt" in stated:
+        merged["tilt"] = {**usual.get("tilt", {}), **stated["tilt"], **own.get("tilt", {})}
+    return merged
 
 
 def _joint_of(bodies: RigidBodies, link: str) -> str:
@@ -170,9 +182,8 @@ def _spin(bodies: RigidBodies, rotor: StatedRotor) -> Values:
     """Inertia of what turns about a rotor's axis, kg m^2, from the link that its joint spins."""
     for link in bodies.links:
         if rotor.joint and link.joint.name == rotor.joint:
-            return {
-                "inertia": description.zero_is_structure(float(rotor.axis.dot(link.body.inertia.apply(rotor.axis))))
-            }
+            axis = link.joint.axis
+            return {"inertia": description.zero_is_structure(float(axis.dot(link.body.inertia.apply(axis))))}
     return {}
 
 

@@ -34,6 +34,10 @@ NEEDED = (
 """Fields of a rotor without which a file's rotor is not whole, in the order of messages."""
 
 
+NEEDED_OF_TILTS = ("lower", "upper", "time_constant")
+"""Fields of the servo of a rotor that tilts, without which it is not whole."""
+
+
 @positional
 class StatedRotor:
     """Rotor of another program's file, with what the file holds of it.
@@ -44,7 +48,8 @@ class StatedRotor:
         position, axis: hub (m) and direction of positive thrust in these axes.
         values: fields of :class:`skyarm.vehicle.Rotor` and ``max_thrust``, SI units -> number.
         where: field -> where the number stood in the file, in words that fit every rotor of it.
-        joint: joint that spins it, which is no joint of an arm; "" if the file has none.
+        joint, tilt_joint: joint that spins it, and one that tilts it, which are no joints of an arm; "" if the file has
+            none.
         absent: field -> why this form of file does not state it. It is a gap, also if a rotor could do without.
     """
 
@@ -55,6 +60,7 @@ class StatedRotor:
     values: Mapping[str, Any] = field(default_factory=dict)
     where: Mapping[str, str] = field(default_factory=dict)
     joint: str = ""
+    tilt_joint: str = ""
     absent: Mapping[str, str] = field(default_factory=dict)
 
 
@@ -64,7 +70,8 @@ class RotorFile:
 
     Attributes:
         path: path of the file.
-        content: what its reader made of it: the root element of an XML file, MuJoCo's model, or None for other files.
+        content: what its reader made of it: the root element of an XML file, a vehicle in MuJoCo's
+            model, or None for other files.
         settings: ``[rotor_file]``, for numbers beside the file such as ``arm_length`` (m); one that no source takes
             is refused.
     """
@@ -116,6 +123,8 @@ def gaps_of(rotor: StatedRotor, values: Mapping[str, Any]) -> Iterator[str]:
     missing = [name for name in dict.fromkeys((*NEEDED, *rotor.absent)) if name not in known]
     if MAX_THRUST in values and "max_speed" in missing:
         missing.remove("thrust_coefficient")  # one of the two gives the other
+    if "tilt" in values:
+        missing += [f"tilt.{name}" for name in NEEDED_OF_TILTS if name not in values["tilt"]]
     for name in missing:
         words = rotor.absent.get(name, "")
         yield f"{name} ({words})" if words else name

@@ -30,6 +30,7 @@ from skyarm.vehicle.rotor_tables import RotorTables, mount_rotors
 from skyarm.vehicle.stated_rotors import RotorFile, rotors_in
 from skyarm.vehicle.stops import with_smooth_friction, with_stops
 from skyarm.vehicle.vehicle_records import Frame, Look, Vehicle
+from skyarm.vehicle.vehicle_tables import drives_of_file
 from skyarm.vehicle.xml_elements import child, number, numbers, numbers_of, read_xml, required_numbers
 
 READ = ("link", "joint", "material", OWN)
@@ -86,20 +87,23 @@ def read_robot(robot: ET.Element, mimic: str, notes: Notes, path: Path) -> Rigid
 
 def urdf_vehicle(given: RigidBodies) -> Vehicle:
     """Vehicle from a URDF file, with the rotors that it states; a frame named 'tip' becomes the end effector."""
+    given.require_no_faults()
     flying = mount_rotors(given, RotorTables())
     bodies = with_real_inertias(flying.bodies)
     if float(bodies.base.mass) == 0.0:
         root = f"its root '{bodies.root}' weighs nothing"
         refuse("base.mass", 0.0, f"must be greater than 0; {root}, and an airframe can carry it by [[attach]]")
+    drives, fast = drives_of_file(bodies)
     tip = "tip" if any(frame.name == "tip" for frame in bodies.frames) else ""
     made = Vehicle(
         name=bodies.name,
         base=bodies.base,
         links=bodies.links,
+        drives=drives,
         frames=bodies.frames,
         looks=bodies.looks,
         end_effector=tip,
-        notes=bodies.notes,
+        notes=(*bodies.notes, *fast),
         rotors=flying.rotors,
         gaps=flying.gaps,
         sources=flying.sources,

@@ -130,8 +130,13 @@ def expand(path: Path) -> str:
     return f"must be expanded first: xacro {path.name} -o {path.with_suffix('').with_suffix('.urdf').name}"
 
 
-def read_rigid(path: Path, mimic: str) -> RigidBodies:
+def read_rigid(path: Path, mimic: str, base: str = "") -> RigidBodies:
     """Read the bodies of a URDF, SDF or MJCF file.
+
+    Args:
+        path: path of the file.
+        mimic: one of ``attach.MIMIC``.
+        base: name of the body that is the base; "" for the file's only one.
 
     Raises:
         VehicleError: without the file's name, which the caller adds.
@@ -139,14 +144,17 @@ def read_rigid(path: Path, mimic: str) -> RigidBodies:
     if path.suffix == ".urdf":
         from skyarm.vehicle.urdf import read_urdf
 
-        return read_urdf(path, mimic)
+        bodies = read_urdf(path, mimic)
+        if base not in ("", bodies.root):
+            refuse("base", base, f"must be {bodies.root}, the root of the file")
+        return bodies
     if path.suffix in (".sdf", ".world"):
         from skyarm.vehicle.sdf import read_sdf
 
-        return read_sdf(path, mimic)
+        return read_sdf(path, mimic, base)
     from skyarm.vehicle.mjcf import read_mjcf
 
-    return read_mjcf(path, mimic)
+    return read_mjcf(path, mimic, base)
 
 
 def plain_vehicle(path: Path) -> Vehicle:
@@ -157,15 +165,17 @@ def plain_vehicle(path: Path) -> Vehicle:
 
 
 def _read(
-    field: str, name: str, suffixes: Collection[str], mimic: str, folder: Path, chain: tuple[Path, ...]
+    field: str, name: str, suffixes: Collection[str], mimic: str, base: str, folder: Path, chain: tuple[Path, ...]
 ) -> RigidBodies | Vehicle:
     """Read the file that a vehicle file refers to: a vehicle from TOML or the library, or bodies from another file."""
     named = "a name of the library, or " if ".toml" in suffixes else ""
     allowed = f"must be {named}the path of a file that ends in {' or '.join(suffixes)}"
     try:
         if is_robot(name):
-            return read_rigid(robot_file(name), mimic)
+            return read_rigid(robot_file(name), mimic, base)
         path = folder / name
+        if base and path.suffix not in RIGID:
+            refuse(field.replace("arm", "base"), base, f"must be left out: the file that {name} names says it")
         if named and name in list_vehicles():
             return _from_toml((LIBRARY / f"{name}.toml").read_bytes(), None)
         if path.suffix == ".xacro":
@@ -180,7 +190,7 @@ def _read(
     except OSError as error:
         refuse(field, name, error.strerror or "must be readable")
     with errors_as(VehicleError, f"{field} = {name!r}: ", VehicleError):
-        return _from_toml(path.read_bytes(), path, chain) if path.suffix == ".toml" else read_rigid(path, mimic)
+        return _from_toml(path.read_bytes(), path, chain) if path.suffix == ".toml" else read_rigid(path, mimic, base)
 
 
 PREFIX = "robot:"

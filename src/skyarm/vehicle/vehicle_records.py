@@ -415,7 +415,10 @@ def _require_joint(field: str, value: Joint) -> None:
     if value.kind not in ("revolute", "prismatic"):
         refuse(f"{field}.kind", value.kind, "must be 'revolute' or 'prismatic'")
     if concrete(value.lower, value.upper) and not value.lower < value.upper:
-        refuse(f"{field}.lower", value.lower, f"must be below upper = {value.upper!r}")
+        held = (
+            f"; [[joints]] hold = {value.upper!r} fixes a joint of another file" if value.lower == value.upper else ""
+        )
+        refuse(f"{field}.lower", value.lower, f"must be below upper = {value.upper!r}{held}")
 
 
 def _require_drives(value: Vehicle) -> None:

@@ -13,10 +13,11 @@ from skyarm.records.files import Fields
 from skyarm.records.files.names import unreadable
 from skyarm.records.read_table import make_at, numbers_from, record_from, registered_from
 from skyarm.vehicle import check, description
-from skyarm.vehicle.attach import MIMIC, Mimic, Mount, RigidBodies, attach, bodies_of, couple, place_in, posed_in
+from skyarm.vehicle.attach import MIMIC, Mimic, Mount, Notes, RigidBodies, attach, bodies_of, couple, place_in, posed_in
 from skyarm.vehicle.attach import limits_that_contradict as contradicting_limits
 from skyarm.vehicle.battery import Battery
 from skyarm.vehicle.check import TURN, VehicleError, refuse
+from skyarm.vehicle.held_joints import hold_joints
 from skyarm.vehicle.inertia_repair import with_real_inertias
 from skyarm.vehicle.linkage import BASE, Body, Joint, Link
 from skyarm.vehicle.rotor_tables import mount_rotors, read_rotor_tables, without_rotors
@@ -36,8 +37,9 @@ Record = TypeVar("Record")
 
 Default = TypeVar("Default")
 
-Refer = Callable[[str, str, Collection[str], str], RigidBodies | Vehicle]
-"""Function that reads a named file: (field, name, allowed suffixes, treatment of mimics) -> bodies or vehicle."""
+Refer = Callable[[str, str, Collection[str], str, str], RigidBodies | Vehicle]
+"""Function that reads a named file: (field, name, allowed suffixes, treatment of mimics, name of the body that is the
+base or "") -> bodies or vehicle."""
 
 
 def vehicle_from(document: Mapping[str, Any], refer: Refer, folder: Path = Path()) -> Vehicle:
@@ -67,16 +69,26 @@ def vehicle_from(document: Mapping[str, Any], refer: Refer, folder: Path = Path(
             settled += [prefix + link.joint.name for link in arm.links]
             drives += [replace(each, name=prefix + each.name) for each in arm.drives]
     changes: dict[str, dict[str, float]] = {}
+    held: dict[str, float] = {}
     for fields in _named_tables(top, "joints"):
-        changes[fields.text("name")] = numbers_from(Joint, fields)
+        changes[name := fields.text("name")] = {}
+        if fields.take("hold", None) is not None:
+            held[name] = fields.number("hold")
+        else:
+            changes[name] = numbers_from(Joint, fields)
         fields.done()
-    flying = mount_rotors(_override_joints(changes, bodies, own), read_rotor_tables(top))
+    bodies = hold_joints(_override_joints(changes, held, bodies, own), held)
+    bodies.require_no_faults()
+    flying = mount_rotors(bodies, read_rotor_tables(top, any(each.tilt_joint for each in bodies.rotors)))
     bodies, rotors = with_real_inertias(flying.bodies), flying.rotors
     frames = tuple(_frame(fields, bodies) for fields in top.tables("frames"))
     links, followers, fixed = couple(bodies.links, (*bodies.frames, *frames, *bodies.looks), bodies.mimics)
     stated = mounted_drives(top.inner("drives").table, "drives")
-    taken = {each.name for each in stated}
-    drives = [*(each for each in drives if each.name not in taken), *stated]
+    open_to = {link.joint.name for link in links} - {each.name for each in stated}
+    own_drives, unmounted = drives_of_file(
+        replace(bodies, drives={k: v for k, v in bodies.drives.items() if k in open_to})
+    )
+    drives = [*(each for each in drives if each.name in open_to), *own_drives, *stated]
     tables = [link["joint"] for link in top.table.get("links", ()) if "joint" in link]
 
     def stating(field: str) -> set[str]:
@@ -98,7 +110,7 @@ def vehicle_from(document: Mapping[str, Any], refer: Refer, folder: Path = Path(
         battery=_optional(Battery, top, "battery", airframe.battery if airframe else None),
         sources=(*(airframe.sources if airframe else ()), *flying.sources, *_sources(top).items()),
         gaps=flying.gaps,
-        notes=(*bodies.notes, *flying.notes, *contradicting_limits(links, followers)),
+        notes=(*bodies.notes, *flying.notes, *unmounted, *contradicting_limits(links, followers)),
     )
     limits = top.choice("joint_limits", ("stop", "end"), "stop")
     top.done()
@@ -140,8 +152,9 @@ def _bodies(top: Fields, refer: Refer, mimic: str) -> tuple[RigidBodies, Vehicle
         if base is None:
             raise VehicleError("base: is missing: must be a table, or 'urdf' the path of a URDF file")
         return _own_bodies(top), None
-    referred = refer(source, top.text(source), SOURCES[source], mimic)
-    for field, given in (("base", base), ("links", links)):
+    named = base if isinstance(base, str) else ""
+    referred = refer(source, top.text(source), SOURCES[source], mimic, named)
+    for field, given in (("base", "" if named else base), ("links", links)):
         if given:
             refuse(field, "a table", f"must not be given together with '{source}'")
     return (referred, None) if isinstance(referred, RigidBodies) else (bodies_of(referred), referred)
@@ -253,7 +266,8 @@ def _frame(fields: Fields, bodies: RigidBodies) -> Frame:
 def _attach(bodies: RigidBodies, fields: Fields, refer: Refer, mimic: str) -> tuple[RigidBodies, Vehicle | None]:
     """Attach the arm that a TOML table names to a vehicle's bodies; also return an arm from a vehicle file."""
     arm = fields.text("arm")
-    referred = refer(fields.at("arm"), arm, SOURCES["airframe"], fields.choice("mimic", MIMIC, mimic))
+    treatment, base = fields.choice("mimic", MIMIC, mimic), fields.text("base", "")
+    referred = refer(fields.at("arm"), arm, SOURCES["airframe"], treatment, base)
     carried = referred if isinstance(referred, Vehicle) else None
     if carried is not None and carried.rotors:
         words = f"must have no rotors ({carried.rotors[0].name}); those of the airframe fly"
@@ -266,9 +280,17 @@ def _attach(bodies: RigidBodies, fields: Fields, refer: Refer, mimic: str) -> tu
     return attach(bodies, whole, Mount(to, R, p, prefix, fields.where)), carried
 
 
-def _override_joints(changes: Mapping[str, Mapping[str, Any]], bodies: RigidBodies, own: Sequence[str]) -> RigidBodies:
-    """Override joint limits and friction of bodies that come from another file."""
-    changeable = [link.joint.name for link in bodies.links if link.joint.name not in own]
+def _override_joints(
+    changes: Mapping[str, Mapping[str, Any]], held: Mapping[str, float], bodies: RigidBodies, own: Sequence[str]
+) -> RigidBodies:
+    """Override joint limits and friction of bodies that come from another file; check which joints are held where."""
+    ends = {link.joint.name: link.joint.ends for link in bodies.links if link.joint.name not in own}
+    only_held = {name: (0.0, 0.0) for joints in bodies.faults.values() for name in joints}  # ball joints
+    for name, value in held.items():
+        low, high = (only_held | ends).get(name, (value, value))
+        if not low <= value <= high:
+            refuse(f"joints[{name}].hold", value, f"must be within the joint's limits, {low:g} to {high:g}")
+    changeable = [*ends, *(held.keys() & only_held)]
     for name in changes:
         if name in own:
             refuse("joints.name", name, "must stand in its link; only another file's joints are changed here")
@@ -280,7 +302,9 @@ def _override_joints(changes: Mapping[str, Mapping[str, Any]], bodies: RigidBodi
     if not changes:
         return bodies
     links = tuple(replace(k, joint=replace(k.joint, **changes.get(k.joint.name, {}))) for k in bodies.links)
-    return replace(bodies, links=links)
+    more = {k.joint.name: float(links[i].joint.armature - k.joint.armature) for i, k in enumerate(bodies.links)}
+    drives = {name: {**each, "inertia": each["inertia"] + more[name]} for name, each in bodies.drives.items()}
+    return replace(bodies, links=links, drives=drives)
 
 
 def mounted_drives(tables: Mapping[str, Any], where: str) -> tuple[MountedDrive, ...]:
@@ -293,6 +317,23 @@ def mounted_drives(tables: Mapping[str, Any], where: str) -> tuple[MountedDrive,
         MountedDrive(name=joint, drive=registered_from("drive", object, table, f"{where}.{joint}"))
         for joint, table in tables.items()
     )
+
+
+FASTEST = 2e-5
+"""Least integration step (s) for which the servo of another file is mounted: stiff servos of light links without the
+inertia of their motors, which simulators of implicit steps take, move the link within microseconds."""
+
+
+def drives_of_file(bodies: RigidBodies) -> tuple[tuple[MountedDrive, ...], tuple[str, ...]]:
+    """Drives of the servos that another file states, and notes on those that are too fast to be stepped."""
+    notes = Notes()
+    drives = mounted_drives(bodies.drives, "drives")
+    fast = {each.name for each in drives if (each.drive.largest_step or FASTEST) < FASTEST}
+    for name in sorted(fast):
+        notes.add(
+            "with a servo too fast to be stepped, so it takes a torque; [[joints]] armature slows the servo", name
+        )
+    return tuple(each for each in drives if each.name not in fast), notes.lines()
 
 
 def _with_limits_of_drives(

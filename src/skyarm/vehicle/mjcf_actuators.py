@@ -1,0 +1,103 @@
+"""Actuators of MJCF files: the effort of each joint, and the gains of its servos.
+
+An actuator's force is gain * control + bias, within its force range; a joint takes the gear times it. A bias of
+-kp length - kv velocity is a servo, whatever its control means. Source: MuJoCo documentation, Computation, Actuation.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection
+from typing import Any
+
+import numpy as np
+
+from skyarm.records.arrays import Array
+from skyarm.vehicle.attach import Notes
+
+AT_JOINT, FIXED, PID = (0, 1), 0, 5
+"""MuJoCo's enumeration values of transmissions at a joint, and of gains: a number per control, and a pid's."""
+
+
+def name_of(model: Any, kind: str, index: int) -> str:
+    """Name of an element of a MuJoCo model; made from its index if the file states none."""
+    return str(getattr(model, kind)(index).name) or f"{kind}{index}"
+
+
+def force_range(model: Any, actuator: int) -> tuple[float, float]:
+    """Least and largest force (N or N m) of an actuator before its gear: its own range and that of its control."""
+    low, high = model.actuator_forcerange[actuator] if model.actuator_forcelimited[actuator] else (-math.inf, math.inf)
+    first = int(model.actuator_ctrladr[actuator])
+    if is_plain(model, actuator) and model.actuator_ctrllimited[first]:
+        ends = np.sort(model.actuator_gainprm[actuator][0] * model.actuator_ctrlrange[first])
+        low, high = max(low, ends[0]), min(high, ends[1])
+    return float(low), float(high)
+
+
+def is_plain(model: Any, actuator: int) -> bool:
+    """True if an actuator's force is a number times its control."""
+    return int(model.actuator_gaintype[actuator]) == FIXED and not model.actuator_biasprm[actuator].any()
+
+
+def is_servo(model: Any, actuator: int) -> bool:
+    """True if an actuator's force is that of a motor or of a loop that pulls towards a setpoint."""
+    known = int(model.actuator_gaintype[actuator]) in (FIXED, PID) and int(model.actuator_biastype[actuator]) < 2
+    return known and max(model.actuator_biasprm[actuator][1:3]) <= 0.0
+
+
+def at_joint(model: Any, joint: int) -> list[int]:
+    """Actuators that act at a joint."""
+    kinds, ids = model.actuator_trntype, model.actuator_trnid
+    return [a for a in range(int(model.nactuator)) if kinds[a] in AT_JOINT and ids[a][0] == joint]
+
+
+def effort_of(model: Any, joint: int, notes: Notes) -> float:
+    """Effort limit of a joint from all its actuators together, N m or N; 0 without actuators."""
+    name, total = name_of(model, "jnt", joint), 0.0
+    for actuator in (each for each in at_joint(model, joint) if is_servo(model, each)):
+        low, high = force_range(model, actuator)
+        total += abs(float(model.actuator_gear[actuator][0])) * max(-low, high)
+        if abs(low + high) > 0.0:
+            notes.add("with a range of effort that differs both ways; the larger one counts for both", name)
+    if model.jnt_actfrclimited[joint]:
+        total = min(total, float(abs(model.jnt_actfrcrange[joint]).max()))
+    if total == 0.0:
+        notes.add("without an actuator, so passive; [[joints]] effort_limit gives it a drive", name)
+    elif math.isinf(total):
+        notes.add("of unlimited effort: the file states none; [[joints]] effort_limit does", name)
+    return total
+
+
+def read_drives(model: Any, joints: Collection[str], notes: Notes) -> dict[str, dict[str, Any]]:
+    """Servos of the joints: joint -> table as ``[drives.JOINT]`` of a vehicle file has it.
+
+    Args:
+        model: MuJoCo's model.
+        joints: names of those that move.
+        notes: takes what is not read of their actuators.
+    """
+    drives: dict[str, dict[str, Any]] = {}
+    for joint in range(int(model.njnt)):
+        name, actuators = name_of(model, "jnt", joint), at_joint(model, joint)
+        if not model.jnt_type[joint]:
+            for each in actuators:
+                own = name_of(model, "actuator", each)
+                notes.add("at the free joint: a wrench on the vehicle and no rotor; not read", own, "actuator")
+        if name in joints:
+            stiffness, damping, integral = map(float, sum((_gains(model, a, notes) for a in actuators), np.zeros(3)))
+            table = {"kind": "velocity_servo", "gain": damping}
+            if stiffness:
+                table = {"kind": "position_servo", "stiffness": stiffness, "damping": damping, "integral": integral}
+            if stiffness or damping:
+                drives[name] = {**table, "inertia": 1.0 / float(model.dof_invweight0[model.jnt_dofadr[joint]])}
+    return drives
+
+
+def _gains(model: Any, actuator: int, notes: Notes) -> Array:
+    """Torque per position error, per rate and per integral of the error that an actuator gives its joint; or zeros."""
+    bias, kind, servo = model.actuator_biasprm[actuator], model.actuator_gaintype[actuator], is_servo(model, actuator)
+    if not servo or (bias[0] and not bias[1]) or model.actuator_dyntype[actuator] not in (0, 6):
+        name = name_of(model, "actuator", actuator)
+        notes.add("muscle, damper, dcmotor, or with a filter or bias of its own: that is not read", name, "actuator")
+    integral = model.actuator_gainprm[actuator][0] if kind == PID else 0.0
+    return servo * model.actuator_gear[actuator][0] ** 2 * np.array([-bias[1], -bias[2], integral])
