@@ -74,7 +74,7 @@ def read_mjcf(path: Path, mimic: str = "lock", base: str = "") -> RigidBodies:
         notes.add("fixed to the world beside the vehicle; not read", name_of(model, "body", body), "part")
     tree = _Tree(model, mimic == "couple", notes)
     tree.seats[root] = Frame(name="", link=BASE, position=Vec3(0, 0, 0))
-    rotors = rotors_in(RotorFile(path, MujocoVehicle(model, _at_rest(model), root, notes)))
+    rotors = rotors_in(RotorFile(path, MujocoVehicle(model, _at_rest(model, root), root, notes)))
     tree.of_rotors = {name for each in rotors for name in (each.joint, each.tilt_joint)}
     tree.carrying = {each.link for each in rotors}
     _read_body(tree, root)
@@ -113,11 +113,13 @@ def _compile(path: Path) -> MjModel:
         mujoco.set_mju_user_warning(usual)
 
 
-def _at_rest(model: MjModel) -> MjData:
-    """Poses of the bodies, joints and sites of a MuJoCo model at rest."""
+def _at_rest(model: MjModel, root: int) -> MjData:
+    """Poses of the bodies, joints and sites of a MuJoCo model at rest, a free base at the origin of the world."""
     import mujoco
 
     data = mujoco.MjData(model)
+    for joint in _joints(model, root):
+        data.qpos[int(model.jnt_qposadr[joint]) :][:7] = (0, 0, 0, 1, 0, 0, 0)
     mujoco.mj_kinematics(model, data)
     return data
 
