@@ -72,10 +72,11 @@ def vehicle_from(document: Mapping[str, Any], refer: Refer, folder: Path = Path(
     held: dict[str, float] = {}
     for fields in _named_tables(top, "joints"):
         changes[name := fields.text("name")] = {}
-        if fields.take("hold", None) is not None:
-            held[name] = fields.number("hold")
-        else:
+        if "hold" not in fields.table:
             changes[name] = numbers_from(Joint, fields)
+            fields.take("hold", None)
+        else:
+            held[name] = fields.number("hold")
         fields.done()
     bodies = hold_joints(_override_joints(changes, held, bodies, own), held)
     bodies.require_no_faults()
