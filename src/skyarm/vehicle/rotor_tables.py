@@ -132,7 +132,7 @@ def mount_rotors(bodies: RigidBodies, tables: RotorTables) -> MountedRotors:
         name: StatedRotor(name=name, link=each.get("link", "base")) for name, each in tables.own.items()
     }
     values = {
-        name: _merge(tables.usual, _spin(bodies, origin), origin.values, tables.own.get(name, {}))
+        name: _merge(tables.usual, {**_spin(bodies, origin), **origin.values}, tables.own.get(name, {}))
         for name, origin in origins.items()
     }
     still = _without_spin(bodies, (*stated.values(), *origins.values()))
@@ -165,9 +165,9 @@ def _without_spin(bodies: RigidBodies, rotors: Iterable[StatedRotor]) -> RigidBo
     return hold_joints(bodies, dict.fromkeys(sorted(spinning - {""}), 0.0))
 
 
-def _merge(usual: Values, stated: Values, spin: Values, own: Values) -> dict[str, Any]:
+def _merge(usual: Values, stated: Values, own: Values) -> dict[str, Any]:
     """Values of a rotor: usual ones, those of another file, the rotor's own; these complete the tilt of the file."""
-    merged = {**usual, **stated, **spin, **own}
+    merged = {**usual, **stated, **own}
     if "tilt" in stated:
         merged["tilt"] = {**usual.get("tilt", {}), **stated["tilt"], **own.get("tilt", {})}
     return merged
