@@ -148,7 +148,11 @@ def test_drives_of_arm_and_airframe_come_with_them_and_the_file_may_state_others
 REFUSED = {
     "no file": ('arm = "x.urdf"', "attach[0].arm = 'x.urdf': no such file"),
     "kind": ('arm = "arm.step"', "attach[0].arm = 'arm.step': must be a name of the library, or the path of a file"),
-    "xacro": ('arm = "arm.xacro"', "attach[0].arm = 'arm.xacro': must be expanded first: xacro arm.xacro -o arm.urdf"),
+    "xacro": ('arm = "arm.xacro"', "attach[0].arm = 'arm.xacro': no such file"),
+    "arguments": (
+        'arm = "arm.urdf"\nxacro = {n = 1}',
+        "attach[0].xacro = 'a table': must be left out: arm.urdf is no .xa",
+    ),
     "itself": ('arm = "v.toml"', "attach[0].arm = 'v.toml': must not lead back to a file that refers to it"),
     "rotors": ('arm = "hummingbird"', "attach[0].arm = 'hummingbird': must have no rotors (front)"),
     "to": ('arm = "arm.urdf"\nto = "foot"', "attach[0].to = 'foot': must be one of base, leg, rail"),

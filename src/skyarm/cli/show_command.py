@@ -115,7 +115,7 @@ def _show_words() -> None:
 def _is_flight(name: str) -> bool:
     """True for the path of a file or folder that is not a vehicle model."""
     path = Path(name)
-    if not name or path.suffix in (".toml", ".xacro", *ROTORS_ALONE, *RIGID, *FOREIGN) or name in list_vehicles():
+    if not name or path.suffix in (".toml", *ROTORS_ALONE, *RIGID, *FOREIGN) or name in list_vehicles():
         return False
     return path.is_file() or path.is_dir()
 

@@ -111,6 +111,7 @@ def attach(airframe: RigidBodies, arm: RigidBodies, mount: Mount) -> RigidBodies
         looks=(*airframe.looks, *map(move, named.looks)),
         drives={**airframe.drives, **named.drives},
         faults={**airframe.faults, **named.faults},
+        speeds={**airframe.speeds, **named.speeds},
     )
 
 
@@ -144,6 +145,7 @@ def _with_prefix(arm: RigidBodies, prefix: str) -> RigidBodies:
         mimics=mimics,
         looks=looks,
         drives={prefix + name: table for name, table in arm.drives.items()},
+        speeds={prefix + name: each for name, each in arm.speeds.items()},
         faults={
             f"{prefix}: {fault}": frozenset(prefix + name for name in joints) for fault, joints in arm.faults.items()
         },
@@ -316,6 +318,7 @@ class RigidBodies:
         drives: servos that its file states: joint -> table as ``[drives.JOINT]`` of a vehicle file has it.
         pose: rotation and position (m) of the root in its file, which it keeps where an airframe carries it.
         faults: error about what the file holds -> joints that make it harmless if all are held.
+        speeds: name of a joint -> largest rate that its file states, rad/s or m/s; 0 for none.
     """
 
     name: str
@@ -327,6 +330,7 @@ class RigidBodies:
     notes: tuple[str, ...] = ()
     looks: tuple[Look, ...] = ()
     rotors: tuple[StatedRotor, ...] = ()
+    speeds: Mapping[str, float] = field(default_factory=dict)
     drives: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
     pose: tuple[Mat3, Vec3] = (Mat3.identity(), ZERO3)
     faults: Mapping[str, frozenset[str]] = field(default_factory=dict)

@@ -71,12 +71,26 @@ def inertia(field: str, inertia_com: Sym3, *, planar: bool, least: float = 0.0) 
     if 0.0 < moments[2] < NOISE:
         refuse(field, shown, f"must be 0 or at least {NOISE:g} kg m^2")
     if not planar and moments[0] + moments[1] < moments[2] - slack:
+        nearest = ", ".join(f"{float(each):.6g}" for each in nearest_inertia(inertia_com).entries)
         refuse(
             field,
             shown,
-            "must obey the triangle inequality (no real body has this inertia; "
-            "a controller's model may declare 'planar = true')",
+            f"must obey the triangle inequality; the nearest of a real body is {nearest} kg m^2 (xx yy zz xy xz yz "
+            'about the centre of mass): state it, or inertia_repair = "nearest" in a vehicle file that names this one; '
+            "planar = true is for laws' models only",
         )
+
+
+def nearest_inertia(inertia: Sym3) -> Sym3:
+    """Nearest physically consistent inertia (kg m^2) about the same centre of mass in the same axes."""
+    given = np.array([[float(each) for each in row] for row in inertia.full().rows])
+    values, axes = np.linalg.eigh(0.5 * np.trace(given) * np.eye(3) - given)
+    second = (axes * np.maximum(values, 0.0)) @ axes.T
+    found = np.trace(second) * np.eye(3) - second
+    # products that were zero stay structure
+    size = 1e-15 * float(np.abs(given).max())
+    entries = [float(found[i, j]) for i, j in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))]
+    return Sym3.from_numbers(*(0.0 if abs(each) <= size else each for each in entries))
 
 
 def rising(field: str, column: Sequence[Scalar], why: str = "") -> None:

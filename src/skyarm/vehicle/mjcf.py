@@ -67,7 +67,8 @@ def read_mjcf(path: Path, mimic: str = "lock", base: str = "") -> RigidBodies:
     Raises:
         VehicleError: without the file's name, which the caller adds.
     """
-    model, notes = _compile(path), Notes()
+    notes = Notes()
+    model = _compile(path, notes)
     root, left_out = _root(model, base, notes)
     faults = require_supported(model, root, notes)
     for body in left_out:
@@ -93,9 +94,9 @@ def read_mjcf(path: Path, mimic: str = "lock", base: str = "") -> RigidBodies:
     return replace(bodies, rotors=rotors, drives=drives, pose=pose, faults=acting, notes=notes.lines())
 
 
-def _compile(path: Path) -> MjModel:
+def _compile(path: Path, notes: Notes) -> MjModel:
     """Compile an MJCF file to MuJoCo's model; warnings are silenced, and an error is shortened to one line."""
-    root = read_xml(path)
+    root = read_xml(path, notes.add)
     if root.tag != "mujoco":
         refuse("root element", root.tag, "must be <mujoco>; a URDF file's name ends in .urdf")
     import mujoco

@@ -39,7 +39,8 @@ def what_does_not_move(value: Linkage) -> tuple[str, Any, str] | None:
         return (
             field,
             _describe(value, field),
-            f"must move mass outward of it (the mass matrix is singular at joint values [{at}])",
+            f"must move mass outward of it (the mass matrix is singular at joint values [{at}]), or its drive "
+            f'must have inertia: [[joints]] name = "{field[len("joints[") : -1]}", armature = 1e-4 beside another file',
         )
     if value.base.mass > 0 and _moments(value.base)[0] > 0.0:
         # the base alone moves along and about every axis: only rounding hides that

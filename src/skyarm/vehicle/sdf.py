@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 import os
 import xml.etree.ElementTree as ET
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -23,7 +23,6 @@ from skyarm.vehicle import description
 from skyarm.vehicle.attach import Notes, RigidBodies, posed_in
 from skyarm.vehicle.check import VehicleError, refuse
 from skyarm.vehicle.linkage import BASE
-from skyarm.vehicle.rotor_sources.motor_model import is_motor
 from skyarm.vehicle.urdf import read_robot
 from skyarm.vehicle.vehicle_records import Frame
 from skyarm.vehicle.xml_elements import finite, numbers_of, read_xml
@@ -49,10 +48,14 @@ ORIGIN = Frame(name="", link=BASE, position=ZERO3)
 
 @positional
 class _Scope:
-    """Model in which names are read: its file, the file's version, the prefix of its names, and its own frame."""
+    """Model in which names are read: its file, the file's version, the prefix of its names, and its own frame.
+
+    ``note`` takes a line on what is forgiven in its XML.
+    """
 
     file: Path
     version: int
+    note: Callable[[str], None]
     prefix: str = ""
     frame: str = ROOT
 
@@ -81,7 +84,7 @@ def read_sdf(path: PathLike, mimic: str = "lock", base: str = "") -> RigidBodies
 
 def _vehicle(path: Path, base: str, notes: Notes) -> tuple[ET.Element, _Scope]:
     """Model of a file that is the vehicle: the only one that is not static, or the named one."""
-    sdf, scope = _document(path)
+    sdf, scope = _document(path, notes.add)
     missing = ""
     models = [(each, scope) for each in (*sdf.findall("model"), *sdf.findall("world/model"))]
     for include in sdf.findall("world/include"):
@@ -98,13 +101,13 @@ def _vehicle(path: Path, base: str, notes: Notes) -> tuple[ET.Element, _Scope]:
     return chosen[0]
 
 
-def _document(path: Path) -> tuple[ET.Element, _Scope]:
+def _document(path: Path, note: Callable[[str], None]) -> tuple[ET.Element, _Scope]:
     """Root element of an SDF file, and the scope of its names."""
-    sdf = read_xml(path)
+    sdf = read_xml(path, note)
     version = sdf.get("version", "(missing)")
     if sdf.tag != "sdf" or version not in VERSIONS:
         refuse("root element", f"{sdf.tag} version {version}", "must be <sdf> of version 1.4 to 1.12")
-    return sdf, _Scope(path, VERSIONS.index(version) + 4)
+    return sdf, _Scope(path, VERSIONS.index(version) + 4, note)
 
 
 def _read_include(include: ET.Element, scope: _Scope) -> tuple[ET.Element, _Scope]:
@@ -112,7 +115,7 @@ def _read_include(include: ET.Element, scope: _Scope) -> tuple[ET.Element, _Scop
     uri = _text(include, "uri")
     file = _file_of(uri, scope.file)
     with errors_as(VehicleError, f"include = {uri!r}: ", VehicleError):
-        sdf, inside = _document(file)
+        sdf, inside = _document(file, scope.note)
         model = sdf.find("model")
         if model is None:
             refuse("sdf", "no <model>", "must have one")
@@ -205,8 +208,6 @@ class _Tree:
                 self.joints[name] = element, scope
 
     def _add_plugin(self, plugin: ET.Element, scope: _Scope) -> None:
-        if not is_motor(plugin):
-            self.notes.add("not read", plugin.get("name", ""), "plugin")
         for word in ("linkName", "jointName", "link_name"):
             for each in plugin.findall(word):
                 if text := (each.text or "").strip():

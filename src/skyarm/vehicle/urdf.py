@@ -11,9 +11,10 @@ from __future__ import annotations
 import math
 import xml.etree.ElementTree as ET
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Container, Mapping
 from dataclasses import replace
 from pathlib import Path, PurePosixPath
+from types import MappingProxyType
 from typing import Any
 
 from skyarm.algebra import ZERO3, Mat3, Vec3
@@ -31,9 +32,10 @@ from skyarm.vehicle.stated_rotors import RotorFile, rotors_in
 from skyarm.vehicle.stops import with_smooth_friction, with_stops
 from skyarm.vehicle.vehicle_records import Frame, Look, Vehicle
 from skyarm.vehicle.vehicle_tables import drives_of_file
-from skyarm.vehicle.xml_elements import child, number, numbers, numbers_of, read_xml, required_numbers
+from skyarm.vehicle.xacro_files import expand_xacro
+from skyarm.vehicle.xml_elements import child, number, numbers, numbers_of, parse_xml, required_numbers
 
-READ = ("link", "joint", "material", OWN)
+READ = ("link", "joint", "material", "plugin", OWN)
 """Elements of a robot that are read, or concern only its appearance."""
 
 
@@ -47,30 +49,27 @@ class _File:
     mimics: Mapping[str, Mimic]
 
 
-def read_urdf(path: PathLike, mimic: str = "lock") -> RigidBodies:
-    """Read rigid bodies, joints and frames of a URDF file.
+def read_urdf(path: PathLike, mimic: str = "lock", xacro: Mapping[str, str] = MappingProxyType({})) -> RigidBodies:
+    """Read rigid bodies, joints and frames of a URDF file, or of a xacro file that describes one.
 
     Args:
         path: path of the file.
         mimic: one of ``attach.MIMIC``.
+        xacro: arguments of a xacro file.
 
     Raises:
         VehicleError: without the file's name, which the caller adds.
     """
-    robot = read_xml(path)
+    file, notes = Path(path), Notes()
+    robot = parse_xml(expand_xacro(file, xacro) if file.suffix == ".xacro" else file.read_bytes(), notes.add)
     if robot.tag != "robot":
         refuse("root element", robot.tag, "must be <robot>")
     for element in robot:
         if "loop" in str(element.tag):
             refuse(f"<{element.tag}>", element.get("name", ""), "closed chains are not supported")
         if "xacro" in str(element.tag):
-            name = Path(path).name
-            refuse("element", element.tag, f"must be plain URDF; expand xacro first: xacro {name} > plain_{name}")
-    notes = Notes()
-    for tag, count in Counter(str(element.tag) for element in robot).items():
-        if tag not in READ and isinstance(tag, str) and not tag.startswith("<function"):
-            notes.add(f"<{tag}> ({count}): not read")
-    return read_robot(robot, mimic, notes, Path(path))
+            refuse("element", element.tag, f"must be plain URDF; expand xacro first: name it {file.stem}.urdf.xacro")
+    return read_robot(robot, mimic, notes, file)
 
 
 def read_robot(robot: ET.Element, mimic: str, notes: Notes, path: Path) -> RigidBodies:
@@ -82,7 +81,15 @@ def read_robot(robot: ET.Element, mimic: str, notes: Notes, path: Path) -> Rigid
         notes: notes of the reader.
         path: file that describes it.
     """
-    return replace(_bodies(robot, mimic, notes, path), rotors=rotors_in(RotorFile(path, robot)))
+    rotors = rotors_in(RotorFile(path, robot))
+    read = {id(element) for rotor in rotors for element in rotor.elements}
+    for plugin in robot.iter("plugin"):
+        if id(plugin) not in read:
+            notes.add("not read", plugin.get("name") or plugin.get("filename") or "", "plugin")
+    unread = [each.tag for each in robot if each.tag not in READ and read.isdisjoint(map(id, each.iter()))]
+    for tag, count in Counter(unread).items():
+        notes.add(f"<{tag}> ({count}): not read")
+    return replace(_bodies(robot, mimic, notes, path, {each.link for each in rotors}), rotors=rotors)
 
 
 def urdf_vehicle(given: RigidBodies) -> Vehicle:
@@ -111,7 +118,8 @@ def urdf_vehicle(given: RigidBodies) -> Vehicle:
     return with_stops(with_smooth_friction(made, made.joint_names))
 
 
-def _bodies(robot: ET.Element, mimic: str, notes: Notes, path: Path) -> RigidBodies:
+def _bodies(robot: ET.Element, mimic: str, notes: Notes, path: Path, spun: Container[str]) -> RigidBodies:
+    """Bodies of a robot; nothing is noted on the joints of the links ``spun``, which are rotors."""
     file = _read_elements(robot)
     roots = [name for name in file.links if name not in file.above]
     parents = {name: _end(joint, "parent", file.links) for name, joint in file.above.items()}
@@ -119,6 +127,7 @@ def _bodies(robot: ET.Element, mimic: str, notes: Notes, path: Path) -> RigidBod
     order = description.tree_order(parents, root, "parent of link[{}]")
     if len(roots) != 1:
         refuse("links without a parent", roots, "must be exactly one, the base")
+    root, order = _without_freedom([root, *order], parents, file, notes)
     tree = BodyTree(file.mimics, notes)
     seats = {root: Frame(name="", link=BASE, position=ZERO3)}
     for name in order:
@@ -126,7 +135,8 @@ def _bodies(robot: ET.Element, mimic: str, notes: Notes, path: Path) -> RigidBod
         at = posed_in(seats[parents[name]], *origin_of(joint, f"joint[{joint.get('name')}]"), name)
         value = _constant_value(joint, file, mimic, notes)
         if value is None:
-            seats[name] = tree.add_link(name, at.link, read_joint(joint, at.rotation, at.position, notes))
+            heard = Notes() if name in spun else notes
+            seats[name] = tree.add_link(name, at.link, read_joint(joint, at.rotation, at.position, heard))
         else:
             kind = kind_of_joint(joint)
             pose = held_pose(kind, ZERO3 if kind == "fixed" else axis_of(joint), value)
@@ -139,7 +149,24 @@ def _bodies(robot: ET.Element, mimic: str, notes: Notes, path: Path) -> RigidBod
             position = seat.position + seat.rotation.apply(look.position)
             rotation = description.rotation(seat.rotation @ look.rotation)
             tree.looks.append(replace(look, link=seat.link, position=position, rotation=rotation))
-    return tree.bodies(robot.get("name") or "urdf", root, mimic == "couple")
+    made = tree.bodies(robot.get("name") or "urdf", root, mimic == "couple")
+    return replace(made, speeds={name: _speed(joint) for name, joint in file.joints.items()})
+
+
+def _without_freedom(links: list[str], parents: Mapping[str, str], file: _File, notes: Notes) -> tuple[str, list[str]]:
+    """Root and the links after it, without the massless ones by whose joints a file lets its base fly.
+
+    These are a chain to the first body that holds a floating joint, or two slides or more; others are those of an arm.
+    """
+    first = next((i for i, name in enumerate(links) if any(body.mass for body in _inertial(file.links[name]))), 0)
+    chain = [file.above[name] for name in links[1 : first + 1]]
+    kinds = [joint.get("type") for joint in chain]
+    alone = {parents[name] for name in links[first + 1 :]}.isdisjoint(links[:first])
+    if not alone or ("floating" not in kinds and kinds.count("prismatic") < 2):
+        return links[0], links[1:]
+    for joint in chain:
+        notes.add("freedom of the base, which it has here anyway; left out", joint.get("name", ""))
+    return links[first], links[first + 1 :]
 
 
 def _constant_value(joint: ET.Element, file: _File, mimic: str, notes: Notes) -> float | None:
@@ -147,7 +174,10 @@ def _constant_value(joint: ET.Element, file: _File, mimic: str, notes: Notes) ->
     name = joint.get("name", "")
     follows = file.mimics.get(name)
     if follows is None:
-        return fixed_at(joint)
+        value = fixed_at(joint)
+        if value is not None and joint.get("type") != "fixed":
+            notes.add(f"lower equal to upper: fixed at {value:g}", name)
+        return value
     last = follow(name, file.mimics)
     value, leader = resting(last, file.joints), last.joint
     if mimic == "couple":
@@ -185,7 +215,6 @@ def _joints_above(links: dict[str, ET.Element], joints: dict[str, ET.Element]) -
     """Parent joint of each link, in the order of the file; unsupported joints raise an error."""
     above: dict[str, ET.Element] = {}
     for name, joint in joints.items():
-        kind_of_joint(joint)
         below = _end(joint, "child", links)
         if below in above:
             other = above[below].get("name")
@@ -280,10 +309,21 @@ def read_joint(joint: ET.Element, R: Mat3, p: Vec3, notes: Notes) -> Joint:
         notes.add("without an effort, so passive; [[joints]] effort_limit gives it a drive", name)
     elif effort == 0.0:
         notes.add("of effort 0, so passive", name)
+    elif math.isinf(effort):
+        notes.add("of infinite effort, so without a limit of its drive", name)
+    if joint.find("safety_controller") is not None:
+        notes.add("soft limits of its safety_controller: not read", name)
+    if 0.0 < (speed := _speed(joint)) < math.inf:
+        notes.add(f"velocity limit {speed:g}: the speed_limit of a servo in [drives]; nothing else keeps it", name)
     values: dict[str, Any] = {"lower": lower, "upper": upper, "effort_limit": 0.0 if math.isnan(effort) else effort}
     for ours, theirs in (("damping", "damping"), ("coulomb", "friction")):
         values[ours] = description.zero_is_structure(number(dynamics, theirs, f"{field}.dynamics", 0.0))
     return Joint(name=name, kind=kind_of_joint(joint), axis=axis_of(joint), position=p, rotation=R, **values)
+
+
+def _speed(joint: ET.Element) -> float:
+    """Largest rate of a joint, rad/s or m/s; 0 if the file states none."""
+    return number(joint.find("limit"), "velocity", f"joint[{joint.get('name')}].limit", 0.0, infinite=True)
 
 
 def read_mimics(joints: Mapping[str, ET.Element]) -> dict[str, Mimic]:

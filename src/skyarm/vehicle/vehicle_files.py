@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Mapping
 from functools import cache, partial
 from importlib import resources
 from pathlib import Path
@@ -36,7 +36,7 @@ def list_vehicles() -> tuple[str, ...]:
 
 
 def load_vehicle(name_or_path: PathLike) -> Vehicle:
-    """Load a vehicle from the library by name, or from a .toml, .urdf, .sdf or .xml (MJCF) file.
+    """Load a vehicle from the library by name, or from a .toml, .urdf, .xacro, .sdf or .xml (MJCF) file.
 
     Args:
         name_or_path: a name of :func:`list_vehicles`, a path with one of these suffixes, or ``robot:NAME`` for a robot
@@ -52,8 +52,6 @@ def load_vehicle(name_or_path: PathLike) -> Vehicle:
         return _library_vehicle(text)
     if is_robot(text):
         return _name_file_in_errors(text, lambda: plain_vehicle(robot_file(text)))
-    if path.suffix == ".xacro":
-        raise VehicleError(f"vehicle = {shown(text)}: {expand(path)}")
     if path.suffix in ROTORS_ALONE and path.is_file() and rotors_in(RotorFile(path)):
         beside = f'its rotors stand beside bodies in a vehicle file: urdf = "BODIES.urdf", [rotor_file] file = "{text}"'
         raise VehicleError(f"vehicle = {shown(text)}: has no bodies; {beside}")
@@ -109,7 +107,7 @@ def vehicle_of_text(text: str, file: Path) -> Vehicle:
     return _from_toml(text.encode(), file)
 
 
-RIGID = (".urdf", ".xml", ".mjcf", ".sdf", ".world")
+RIGID = (".urdf", ".xacro", ".xml", ".mjcf", ".sdf", ".world")
 """Suffixes of files with rigid bodies and joints of other programs."""
 
 
@@ -125,26 +123,22 @@ FOREIGN = {
 """Suffix of a file that is not read -> what makes one that is; file names in braces."""
 
 
-def expand(path: Path) -> str:
-    """Error message that states the command to convert a xacro file to URDF."""
-    return f"must be expanded first: xacro {path.name} -o {path.with_suffix('').with_suffix('.urdf').name}"
-
-
-def read_rigid(path: Path, mimic: str, base: str = "") -> RigidBodies:
-    """Read the bodies of a URDF, SDF or MJCF file.
+def read_rigid(path: Path, mimic: str, base: str = "", xacro: Mapping[str, str] | None = None) -> RigidBodies:
+    """Read the bodies of a URDF, xacro, SDF or MJCF file.
 
     Args:
         path: path of the file.
         mimic: one of ``attach.MIMIC``.
         base: name of the body that is the base; "" for the file's only one.
+        xacro: arguments of a xacro file.
 
     Raises:
         VehicleError: without the file's name, which the caller adds.
     """
-    if path.suffix == ".urdf":
+    if path.suffix in (".urdf", ".xacro"):
         from skyarm.vehicle.urdf import read_urdf
 
-        bodies = read_urdf(path, mimic)
+        bodies = read_urdf(path, mimic, xacro or {})
         if base not in ("", bodies.root):
             refuse("base", base, f"must be {bodies.root}, the root of the file")
         return bodies
@@ -165,7 +159,14 @@ def plain_vehicle(path: Path) -> Vehicle:
 
 
 def _read(
-    field: str, name: str, suffixes: Collection[str], mimic: str, base: str, folder: Path, chain: tuple[Path, ...]
+    field: str,
+    name: str,
+    suffixes: Collection[str],
+    mimic: str,
+    base: str,
+    xacro: Mapping[str, str],
+    folder: Path,
+    chain: tuple[Path, ...],
 ) -> RigidBodies | Vehicle:
     """Read the file that a vehicle file refers to: a vehicle from TOML or the library, or bodies from another file."""
     named = "a name of the library, or " if ".toml" in suffixes else ""
@@ -178,8 +179,6 @@ def _read(
             refuse(field.replace("arm", "base"), base, f"must be left out: the file that {name} names says it")
         if named and name in list_vehicles():
             return _from_toml((LIBRARY / f"{name}.toml").read_bytes(), None)
-        if path.suffix == ".xacro":
-            refuse(field, name, expand(path))
         if path.suffix not in suffixes:
             refuse(field, name, allowed)
         reason = unreadable(path)
@@ -190,7 +189,9 @@ def _read(
     except OSError as error:
         refuse(field, name, error.strerror or "must be readable")
     with errors_as(VehicleError, f"{field} = {name!r}: ", VehicleError):
-        return _from_toml(path.read_bytes(), path, chain) if path.suffix == ".toml" else read_rigid(path, mimic, base)
+        if path.suffix == ".toml":
+            return _from_toml(path.read_bytes(), path, chain)
+        return read_rigid(path, mimic, base, xacro)
 
 
 PREFIX = "robot:"

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any, TypeVar
 
 from skyarm.algebra import Mat3, Vec3
@@ -26,10 +27,10 @@ from skyarm.vehicle.stops import with_smooth_friction, with_stops
 from skyarm.vehicle.vehicle_records import BodyDrag, Frame, Look, MountedDrive, Vehicle
 
 SOURCES: Mapping[str, tuple[str, ...]] = {
-    "urdf": (".urdf",),
+    "urdf": (".urdf", ".xacro"),
     "mjcf": (".xml", ".mjcf"),
     "sdf": (".sdf", ".world"),
-    "airframe": (".toml", ".urdf", ".xml", ".mjcf", ".sdf", ".world"),
+    "airframe": (".toml", ".urdf", ".xacro", ".xml", ".mjcf", ".sdf", ".world"),
 }
 """Keys that replace ``base`` and ``links``, one of them per file -> suffixes of the files that they name."""
 
@@ -37,9 +38,9 @@ Record = TypeVar("Record")
 
 Default = TypeVar("Default")
 
-Refer = Callable[[str, str, Collection[str], str, str], RigidBodies | Vehicle]
+Refer = Callable[[str, str, Collection[str], str, str, Mapping[str, str]], RigidBodies | Vehicle]
 """Function that reads a named file: (field, name, allowed suffixes, treatment of mimics, name of the body that is the
-base or "") -> bodies or vehicle."""
+base or "", arguments of xacro) -> bodies or vehicle."""
 
 
 def vehicle_from(document: Mapping[str, Any], refer: Refer, folder: Path = Path()) -> Vehicle:
@@ -81,10 +82,11 @@ def vehicle_from(document: Mapping[str, Any], refer: Refer, folder: Path = Path(
     bodies = hold_joints(_override_joints(changes, held, bodies, own), held)
     bodies.require_no_faults()
     flying = mount_rotors(bodies, read_rotor_tables(top, any(each.tilt_joint for each in bodies.rotors)))
-    bodies, rotors = with_real_inertias(flying.bodies), flying.rotors
+    every = top.choice("inertia_repair", ("small", "nearest"), "small") == "nearest"
+    bodies, rotors = with_real_inertias(flying.bodies, every=every), flying.rotors
     frames = tuple(_frame(fields, bodies) for fields in top.tables("frames"))
     links, followers, fixed = couple(bodies.links, (*bodies.frames, *frames, *bodies.looks), bodies.mimics)
-    stated = mounted_drives(top.inner("drives").table, "drives")
+    stated = mounted_drives(top.inner("drives").table, "drives", bodies.speeds)
     open_to = {link.joint.name for link in links} - {each.name for each in stated}
     own_drives, unmounted = drives_of_file(
         replace(bodies, drives={k: v for k, v in bodies.drives.items() if k in open_to})
@@ -154,7 +156,7 @@ def _bodies(top: Fields, refer: Refer, mimic: str) -> tuple[RigidBodies, Vehicle
             raise VehicleError("base: is missing: must be a table, or 'urdf' the path of a URDF file")
         return _own_bodies(top), None
     named = base if isinstance(base, str) else ""
-    referred = refer(source, top.text(source), SOURCES[source], mimic, named)
+    referred = refer(source, top.text(source), SOURCES[source], mimic, named, _arguments(top, top.text(source)))
     for field, given in (("base", "" if named else base), ("links", links)):
         if given:
             refuse(field, "a table", f"must not be given together with '{source}'")
@@ -175,6 +177,14 @@ def _with_rotor_file(bodies: RigidBodies, fields: Fields, folder: Path) -> Rigid
         refuse(fields.at("file"), name, "must state rotors: a platform of eagle-mpc (.yaml), or CA_ROTOR* of PX4")
     fields.done()
     return replace(bodies, rotors=rotors)
+
+
+def _arguments(fields: Fields, file: str) -> dict[str, str]:
+    """Read the arguments that a table states for the xacro file which it names."""
+    table = fields.inner("xacro").table
+    if table and not file.endswith(".xacro"):
+        refuse(fields.at("xacro"), "a table", f"must be left out: {file} is no .xacro file")
+    return {name: str(value).lower() if value in (True, False) else str(value) for name, value in table.items()}
 
 
 def _own_bodies(top: Fields) -> RigidBodies:
@@ -268,7 +278,7 @@ def _attach(bodies: RigidBodies, fields: Fields, refer: Refer, mimic: str) -> tu
     """Attach the arm that a TOML table names to a vehicle's bodies; also return an arm from a vehicle file."""
     arm = fields.text("arm")
     treatment, base = fields.choice("mimic", MIMIC, mimic), fields.text("base", "")
-    referred = refer(fields.at("arm"), arm, SOURCES["airframe"], treatment, base)
+    referred = refer(fields.at("arm"), arm, SOURCES["airframe"], treatment, base, _arguments(fields, arm))
     carried = referred if isinstance(referred, Vehicle) else None
     if carried is not None and carried.rotors:
         words = f"must have no rotors ({carried.rotors[0].name}); those of the airframe fly"
@@ -308,16 +318,26 @@ def _override_joints(
     return replace(bodies, links=links, drives=drives)
 
 
-def mounted_drives(tables: Mapping[str, Any], where: str) -> tuple[MountedDrive, ...]:
+def mounted_drives(
+    tables: Mapping[str, Any], where: str, speeds: Mapping[str, float] = MappingProxyType({})
+) -> tuple[MountedDrive, ...]:
     """Read a table of joint drives by joint name, each with a registered ``kind`` and its parameters.
+
+    Args:
+        tables: tables by joint name.
+        where: field of the table, for messages.
+        speeds: largest rate of a joint by another file, rad/s or m/s: speed limit of a drive whose table states none.
 
     Raises:
         ValueError: one line with field, value and what is allowed.
     """
-    return tuple(
-        MountedDrive(name=joint, drive=registered_from("drive", object, table, f"{where}.{joint}"))
-        for joint, table in tables.items()
-    )
+    mounted = []
+    for joint, table in tables.items():
+        drive = registered_from("drive", object, table, f"{where}.{joint}")
+        if speeds.get(joint) and hasattr(drive, "speed_limit") and "speed_limit" not in table:
+            drive = replace(drive, speed_limit=speeds[joint])
+        mounted.append(MountedDrive(name=joint, drive=drive))
+    return tuple(mounted)
 
 
 FASTEST = 2e-5

@@ -3,26 +3,65 @@
 from __future__ import annotations
 
 import math
+import re
 import xml.etree.ElementTree as ET
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
+from xml.parsers import expat
 
 from skyarm.records.files import PathLike
-from skyarm.vehicle.check import VehicleError, refuse
+from skyarm.vehicle.check import refuse
+
+UNBOUND_PREFIX = expat.errors.codes[expat.errors.XML_ERROR_UNBOUND_PREFIX]
+
+MARKUP = re.compile(rb"<!--(.*?)-->|<!\[CDATA\[.*?\]\]>|<\?.*?\?>", re.DOTALL)
+"""Comments, and what may hold the sign of a comment without being one."""
 
 COUNTS = {3: "three", 4: "four", 6: "six", 7: "seven"}
 
 
-def read_xml(path: PathLike) -> ET.Element:
-    """Root element of an XML file; blank lines before its declaration are skipped.
+def _refuse(error: str) -> None:
+    refuse("XML", error, "must be well-formed")
+
+
+def read_xml(path: PathLike, note: Callable[[str], None] = _refuse) -> ET.Element:
+    """Root element of an XML file, as of its text (:func:`parse_xml`)."""
+    return parse_xml(Path(path).read_bytes(), note)
+
+
+def parse_xml(text: bytes, note: Callable[[str], None] = _refuse) -> ET.Element:
+    """Root element of an XML text; names keep their prefixes, and blank lines before the declaration are skipped.
+
+    Two errors, which the parsers of MuJoCo and ROS let pass, are forgiven where ``note`` takes a line on each: prefixes
+    that no ``xmlns`` declares, and ``--`` in comments. Document types are refused, and with them entities.
 
     Raises:
         VehicleError: without the file's name, which the caller adds.
     """
-    try:
-        return ET.fromstring(Path(path).read_bytes().lstrip())
-    except (ET.ParseError, LookupError, ValueError) as error:  # the last two: encodings
-        raise VehicleError(f"XML = {str(error)!r}: must be well-formed") from None
+    text = text.lstrip()
+    plain = MARKUP.sub(_plain_comment, text)
+    if plain != text:
+        note("'--' inside a comment: forgiven")
+    for separator in (" ", None):  # first as prefixes ought to be, then as names that hold them
+        tree = ET.TreeBuilder()
+        parser = expat.ParserCreate(namespace_separator=separator)
+        parser.StartElementHandler, parser.EndElementHandler = tree.start, tree.end
+        parser.CharacterDataHandler, parser.StartDoctypeDeclHandler = tree.data, _refuse_doctype
+        try:
+            parser.Parse(plain, True)
+        except (expat.ExpatError, LookupError) as error:  # the last: encodings
+            forgiven = getattr(error, "code", 0) == UNBOUND_PREFIX
+            (note if forgiven else _refuse)(f"{error}{', which no xmlns declares: forgiven' if forgiven else ''}")
+    return tree.close()
+
+
+def _refuse_doctype(*_: object) -> None:
+    _refuse("document types and entities are not read")
+
+
+def _plain_comment(match: re.Match[bytes]) -> bytes:
+    """Comment of equal length without two hyphens in a row; other markup as it stands."""
+    return match[0] if match[1] is None else b"<!--%b-->" % re.sub(rb"-(?=-|\Z)", b" ", match[1])
 
 
 def child(element: ET.Element, tag: str, field: str) -> ET.Element | None:

@@ -38,13 +38,14 @@ def blade_rotors(file: RotorFile) -> tuple[StatedRotor, ...]:
     """Rotors of LiftDrag plugins, as ArduPilot's: links that turn without end, with lift slopes in place of thrust."""
     if not isinstance(file.content, ET.Element):
         return ()
-    blades = {_text(plugin, "link_name") for plugin in file.content.iter("plugin") if plugin.find("cla") is not None}
+    plugins = tuple(plugin for plugin in file.content.iter("plugin") if plugin.find("cla") is not None)
+    blades = {_text(plugin, "link_name") for plugin in plugins}
     absent = {"thrust_coefficient": "its blades are LiftDrag plugins, with lift slopes"}
     return tuple(
-        StatedRotor(name=child.get("link", ""), link=child.get("link", ""), joint=joint.get("name", ""), absent=absent)
+        StatedRotor(name=name, link=name, joint=joint.get("name", ""), absent=absent, elements=plugins)
         for joint in file.content.findall("joint[@type='continuous']")
-        for child in joint.findall("child")
-        if child.get("link") in blades
+        for name in [each.get("link", "") for each in joint.findall("child")]
+        if name in blades
     )
 
 
@@ -76,9 +77,8 @@ def _rotor(plugin: ET.Element) -> StatedRotor:
     if (kind := _text(plugin, "motorType")) not in ("", "velocity"):
         values.pop("thrust_coefficient", None)
         absent["thrust_coefficient"] = f"motorType is {kind}, of which thrust is not motorConstant w^2"
-    return StatedRotor(
-        name=name, link=name, values=values, where=where, joint=_text(plugin, "jointName"), absent=absent
-    )
+    joint = _text(plugin, "jointName")
+    return StatedRotor(name=name, link=name, values=values, where=where, joint=joint, absent=absent, elements=(plugin,))
 
 
 def _field(plugin: ET.Element) -> str:

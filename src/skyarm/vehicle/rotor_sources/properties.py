@@ -1,0 +1,51 @@
+"""Rotors of the URDF files of gym-pybullet-drones and its kin: ``<properties kf km thrust2weight>``, ``propN`` links.
+
+The coefficients are per squared rev/min; hubs are the inertial origins of massless links. Which rotor turns which way
+stands in the programs' code. Source: gym-pybullet-drones, envs/BaseAviary.py.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+import xml.etree.ElementTree as ET
+
+from skyarm.vehicle import description
+from skyarm.vehicle.stated_rotors import MAX_THRUST, RotorFile, StatedRotor
+from skyarm.vehicle.xml_elements import number, numbers
+
+GRAVITY = 9.81
+"""m/s^2, of thrust2weight."""
+
+PER_RPM = (30.0 / math.pi) ** 2
+"""Coefficient per (rad/s)^2 over that per (rev/min)^2."""
+
+
+def properties_rotors(file: RotorFile) -> tuple[StatedRotor, ...]:
+    """Rotors of a URDF file with ``<properties>`` that state kf."""
+    root = file.content
+    properties = root.find("properties[@kf]") if isinstance(root, ET.Element) else None
+    if properties is None:
+        return ()
+    kf = number(properties, "kf", "properties", 0.0)
+    links = [each for each in root.findall("link") if re.match(r"prop\D*\d", each.get("name", ""))]
+    mass = sum(number(each, "value", "mass", 0.0) for each in root.findall("link/inertial/mass"))
+    scales = {
+        "kf": ("thrust_coefficient", PER_RPM),
+        "km": ("moment_coefficient", 1.0 / (kf or 1.0)),  # kf = 0 is refused as a thrust coefficient
+        "thrust2weight": (MAX_THRUST, mass * GRAVITY / max(len(links), 1)),
+    }
+    stated = {word: each for word, each in scales.items() if properties.get(word)}
+    return tuple(
+        StatedRotor(
+            name=name,
+            link=name,
+            position=description.vector(numbers(each.find("inertial/origin"), "xyz", f"link[{name}]", (0.0, 0.0, 0.0))),
+            values={ours: number(properties, word, "properties", 0.0) * by for word, (ours, by) in stated.items()},
+            where={ours: f"{word} of <properties>" for word, (ours, _) in stated.items()},
+            absent={"direction": "it stands in the program's code"},
+            elements=(properties,),
+        )
+        for each in links
+        for name in [each.get("name", "")]
+    )

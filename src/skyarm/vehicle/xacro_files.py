@@ -1,0 +1,35 @@
+"""xacro files: robots of macros, expanded to URDF by the package xacrodoc (extra ``xacro``)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+
+from skyarm.records.files import needs_extra
+from skyarm.vehicle.check import VehicleError
+
+
+def expand_xacro(path: Path, arguments: Mapping[str, str]) -> bytes:
+    """Text of the URDF that a xacro file describes; nothing is fetched.
+
+    Args:
+        path: the file. A package of its ``$(find NAME)`` is the folder of that name, with a ``package.xml``, that lies
+            nearest above it or beside one above it; else the one that ROS finds.
+        arguments: values of its ``<xacro:arg>``.
+
+    Raises:
+        VehicleError: without the file's name: the extra is missing, or the file does not expand.
+    """
+    try:
+        import xacro
+        from xacrodoc import packages  # has xacro look for packages without ROS
+    except ImportError:
+        raise VehicleError(f"xacro: is missing; a .xacro file {needs_extra('xacro')}") from None
+    packages.reset()
+    marks = [mark for above in reversed(path.resolve().parents) for mark in above.glob("*/package.xml")]
+    packages.update_package_cache({mark.parent.name: mark.parent for mark in marks})
+    try:
+        return xacro.process_file(str(path), mappings=dict(arguments)).toxml().encode()
+    except Exception as error:  # of its macros, its expressions and the files that it includes
+        cure = "a vehicle file that names it states its arguments in the table xacro, NAME = VALUE"
+        raise VehicleError(f"xacro: {error}: must expand; {cure}") from None
