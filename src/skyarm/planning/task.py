@@ -270,7 +270,7 @@ def _check_phase(phase: PlanPhase, at: str, vehicle: Vehicle, before: PlanPhase 
         raise TaskError(f"{at}.to.velocity = {shown([*goal.velocity])}: must be left out beside rest")
     needs_tip = phase.kind != "go" or goal.tip is not None or goal.tip_velocity is not None or goal.tip_axis is not None
     if needs_tip and not vehicle.end_effector:
-        raise TaskError(f"{at}: needs a vehicle with a tip; {vehicle.name!r} has none (end_effector)")
+        raise TaskError(f"{at}: needs a vehicle with a tip; {vehicle.name!r} has none (end_effector){vehicle.tip_cure}")
     if phase.kind != "go" and before is not None and before.to.tip is None and not before.resting:
         raise TaskError(f"{at}: the tip rests where the phase before leaves it, which must say to.tip")
 

@@ -141,6 +141,10 @@ class Rotor:
         return mul(of_sense, self.rolling_moment_coefficient)
 
 
+TIPS = ("tool0", "ee_link", "gripper_link", "tcp", "flange")
+"""Ends of the names that files of robots give to the end effector's link, the likeliest first."""
+
+
 @immutable
 class Frame:
     """Named pose fixed to a link, such as tip or sensor (position in m and R_LF in the link's frame)."""
@@ -323,6 +327,17 @@ class Vehicle:
                 return candidate
         problem = f"no frame '{chosen}'" if chosen else "no end_effector; name a frame"
         raise VehicleError(f"vehicle '{self.name}': {problem}; there are {[f.name for f in self.frames] or 'none'}")
+
+    @property
+    def tip_cure(self) -> str:
+        """Words that propose an end effector: what files call it, else the only link at an end; "" without either."""
+        frames, links = [each.name for each in self.frames], [each.name for each in self.links]
+        is_chain = [each.parent for each in self.links] == list(range(-1, len(links) - 1))
+        called = [name for word in TIPS for name in (*frames, *links) if name.endswith(word)]
+        for name in called or links[-1:] * is_chain:
+            frame = "" if name in frames else f'[[frames]] name = "tip", link = "{name}" and '
+            return f'; {frame}end_effector = "{"tip" if frame else name}" in its vehicle file would be one'
+        return ""
 
     def with_payload(self, mass: Scalar, frame: str | None = None) -> Vehicle:
         """Vehicle with a point mass (kg) attached at a frame (by default the end effector)."""

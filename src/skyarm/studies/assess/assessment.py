@@ -193,9 +193,8 @@ def assess_vehicle(vehicle: Vehicle, *, gravity: float = 9.81, payload: float = 
     number(require_gravity(gravity, "--gravity"), "--gravity", low=0.0, strict=True)
     rules(Payload)["mass"]("--payload", payload)
     if payload and not vehicle.end_effector:
-        raise ValueError(
-            f"--payload = {payload:g}: must be left out: vehicle '{vehicle.name}' has no tip (end_effector)"
-        )
+        lacks = f"vehicle '{vehicle.name}' has no tip (end_effector){vehicle.tip_cure}"
+        raise ValueError(f"--payload = {payload:g}: must be left out: {lacks}")
     findings = causes_first([*_vehicle_findings(arm_poses(vehicle, poses, gravity), payload)])
     return Assessment(vehicle.name, vehicle, gravity, payload, poses, findings)
 

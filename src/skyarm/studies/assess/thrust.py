@@ -121,7 +121,7 @@ def largest_payload(poses: ArmPoses, payload: float = 0.0) -> list[Finding]:
     """
     question, vehicle = "largest payload", poses.vehicle
     if not vehicle.end_effector:
-        return [Finding(question, NOTE, "not known: the vehicle has no tip", "end_effector")]
+        return [Finding(question, NOTE, f"not known: the vehicle has no tip{vehicle.tip_cure}", "end_effector")]
     loaded = replace(poses, vehicle=vehicle.with_payload(1.0))
     names = [f"rotors[{rotor.name}]" for rotor in vehicle.rotors]
     names += [f"joints[{joint.name}].effort_limit" for joint in vehicle.joints]

@@ -94,7 +94,7 @@ def setting_of(vehicle: str = PAPER, duration: float = DURATION, plant: str = "r
 
 def _require_arm(name: str, truth: Vehicle) -> None:
     if not truth.n or not truth.end_effector:
-        raise ScenarioError(f"--vehicle = {shown(name)}: must have an arm with an end_effector")
+        raise ScenarioError(f"--vehicle = {shown(name)}: must have an arm with an end_effector{truth.tip_cure}")
     if not _spare_thrust(truth) > 0.0:
         raise ScenarioError(f"--vehicle = {shown(name)}: must be able to hover; 'skyarm check' says why it is not")
 

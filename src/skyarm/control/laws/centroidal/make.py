@@ -106,9 +106,10 @@ def make_centroidal(
     vehicle, leads = model.vehicle, mode == "tip" and model.vehicle.n > 0
     gains |= fit_gains(gains, set(changes), mode, vehicle, presses=presses, carries=carries)
     if mode == "tip" and not vehicle.end_effector:
-        raise ControllerError(f"model.vehicle = {vehicle.name!r}: has no end_effector, which mode 'tip' must have")
+        lacks = "has no end_effector, which mode 'tip' must have"
+        raise ControllerError(f"model.vehicle = {vehicle.name!r}: {lacks}{vehicle.tip_cure}")
     if changes.get("adaptation") and not vehicle.end_effector:
-        refuse("adaptation", gains["adaptation"], f"0: {vehicle.name!r} has no end_effector")
+        refuse("adaptation", gains["adaptation"], f"0: {vehicle.name!r} has no end_effector{vehicle.tip_cure}")
     if changes.get("adaptation") and carries:
         refuse("adaptation", gains["adaptation"], "0 with load, which is what the tip's load is estimated by")
     most = number_within("tip_mass_limit", tip_mass_limit, 0.0, 1e3)
