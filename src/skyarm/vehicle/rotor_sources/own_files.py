@@ -14,7 +14,7 @@ from skyarm.vehicle.check import VehicleError, refuse
 from skyarm.vehicle.rotor_tables import read_rotor_tables
 from skyarm.vehicle.stated_rotors import UP, RotorFile, StatedRotor
 
-OWN = "{skyarm}rotors"
+OWN = "skyarm:rotors"
 """Tag of the element in XML files."""
 
 
