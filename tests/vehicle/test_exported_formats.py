@@ -81,7 +81,7 @@ def same(found: np.ndarray, wanted: np.ndarray, within: float = 1e-9) -> None:
     np.testing.assert_allclose(found, wanted, rtol=0.0, atol=within * scale)
 
 
-@pytest.mark.parametrize("form", [each for each in SUFFIX if each != "sdf"])
+@pytest.mark.parametrize("form", SUFFIX)
 @pytest.mark.parametrize("name", SHIPPED)
 def test_a_shipped_vehicle_reads_back_as_itself(name, form, tmp_path):
     vehicle = load_vehicle(name)
@@ -273,13 +273,12 @@ def test_followers_endless_and_one_sided_joints_and_equal_names_read_back(tmp_pa
     front = Frame(name="front", link=0, position=Vec3(0.1, 0, 0))
     frames = (*(replace(each, link=1) for each in vehicle.frames), front)
     vehicle = replace(vehicle, links=vehicle.links[:1], followers=(tied,), frames=frames)
-    for form in ("mjcf", "urdf"):
+    for form in ("mjcf", "urdf", "sdf"):
         path = written(vehicle, form, tmp_path)
         assert any(each.startswith("joints that follow") for each in lost_lines(path))
         assert any(each.startswith("names that two") and each.endswith(": front") for each in lost_lines(path))
-        assert any(each.startswith("limit on one side") for each in lost_lines(path))
-        word = "mjcf" if form == "mjcf" else "urdf"
-        toml = f'schema = 1\nname = "x"\nmimic = "couple"\n{word} = "{path.name}"\n'
+        assert any(each.startswith("limit on one side") for each in lost_lines(path)) == (form != "sdf")
+        toml = f'schema = 1\nname = "x"\nmimic = "couple"\n{form} = "{path.name}"\n'
         (tmp_path / "x.toml").write_text(toml)
         again = load_vehicle(tmp_path / "x.toml")
         assert (again.followers[0].ratio, again.followers[0].offset) == (-2.0, 0.25)

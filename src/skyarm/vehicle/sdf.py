@@ -23,6 +23,7 @@ from skyarm.vehicle import description
 from skyarm.vehicle.attach import Notes, RigidBodies, posed_in
 from skyarm.vehicle.check import VehicleError, refuse
 from skyarm.vehicle.linkage import BASE
+from skyarm.vehicle.rotor_sources.own_files import OWN
 from skyarm.vehicle.urdf import read_robot
 from skyarm.vehicle.vehicle_records import Frame
 from skyarm.vehicle.xml_elements import finite, numbers_of, read_xml
@@ -168,6 +169,8 @@ class _Tree:
         for element in model:
             if element.tag == "plugin":
                 self._add_plugin(element, scope)
+            elif element.tag == OWN:
+                self.plugins.append(element)
             elif element.tag == "include":
                 inner, inside = _read_include(element, scope)
                 self._add_placed(inner, inside, element.get("merge") in TRUE)
@@ -282,8 +285,12 @@ class _Tree:
         if finite(spring := rubbing.get("spring_stiffness", "0"), f"{field}.spring_stiffness"):
             refuse(f"{field}.spring_stiffness", spring, "must be 0; springs are not supported")
         ET.SubElement(urdf, "dynamics", rubbing)
-        if axis.find("mimic") is not None:
-            self.notes.add("<mimic>: not read; it moves by itself", name)
+        for mimic in axis.iterfind("mimic"):
+            words = {"multiplier": "1", "offset": "0", "reference": "0"}
+            numbers = {word: finite(_text(mimic, word, usual), f"{field}.mimic.{word}") for word, usual in words.items()}
+            numbers["offset"] -= numbers["multiplier"] * numbers.pop("reference")
+            leader = scope.whole(mimic.get("joint", ""))
+            ET.SubElement(urdf, "mimic", {word: repr(each) for word, each in numbers.items()}, joint=leader)
 
     def _axes_of(self, axis: ET.Element, name: str, scope: _Scope) -> str:
         """Frame in whose axes a joint's axis is stated."""
