@@ -280,8 +280,8 @@ def test_what_is_not_read_is_noted_and_a_polynomial_is_no_thrust_coefficient(tmp
     assert vehicle.notes[:4] == (
         "sensor imu: not read",
         "link a: without gravity in the file; here it weighs",
-        "plugin Other: not read",
         "link a: without mass, ixx, iyy, izz: 1 kg and 1 kg m^2, as SDF defines",
+        "plugin Other: not read",
     )
     assert float(vehicle.base.mass) == 2
     assert vehicle.gaps[0].startswith("rotors r: the file states no thrust_coefficient (motorType is force_polynomial")

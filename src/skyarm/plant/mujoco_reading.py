@@ -44,8 +44,10 @@ def beside_mujoco(vehicle: Vehicle, file: str) -> list[tuple[str, str, str, str]
     same = [model.joint(name).id for name in ours]
     rates = [*(model.jnt_dofadr[base] + np.arange(6)), *model.jnt_dofadr[same]]
     limits = np.reshape([(float(each.lower), float(each.upper)) for each in vehicle.joints], (-1, 2))
-    poses = np.random.default_rng(0).uniform(*limits.clip(-np.pi, np.pi).T, (POSES, vehicle.n))
-    poses[0], worst, rows = 0.0, 0.0, []
+    lower, upper = limits.clip(-np.pi, np.pi).T
+    poses = np.random.default_rng(0).uniform(lower, upper, (POSES, vehicle.n))
+    poses[0], worst = 0.0, 0.0
+    rows: list[tuple[str, str, str, str]] = []
     for q in poses:
         data.qpos[:] = model.qpos0
         data.qpos[model.jnt_qposadr[base] + np.arange(7)] = [0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0]

@@ -74,7 +74,7 @@ def attach(airframe: RigidBodies, arm: RigidBodies, mount: Mount) -> RigidBodies
         VehicleError: no such link, or a name that stands in both.
     """
     seat = posed_in(place_in(airframe, mount.to, f"{mount.field}.to"), mount.rotation, mount.position)
-    kept = ()
+    kept: tuple[str, ...] = ()
     if arm.pose != (Mat3.identity(), ZERO3):
         seat = posed_in(seat, *arm.pose)
         kept = (f"{arm.name}: body {arm.root} stands moved or turned in its file and keeps that pose on the airframe",)

@@ -100,4 +100,5 @@ def _gains(model: Any, actuator: int, notes: Notes) -> Array:
         name = name_of(model, "actuator", actuator)
         notes.add("muscle, damper, dcmotor, or with a filter or bias of its own: that is not read", name, "actuator")
     integral = model.actuator_gainprm[actuator][0] if kind == PID else 0.0
-    return servo * model.actuator_gear[actuator][0] ** 2 * np.array([-bias[1], -bias[2], integral])
+    gains: Array = np.array([-bias[1], -bias[2], integral])
+    return gains * (servo * float(model.actuator_gear[actuator][0]) ** 2)

@@ -124,7 +124,7 @@ def mount_rotors(bodies: RigidBodies, tables: RotorTables) -> MountedRotors:
     strange = [name for name in tables.own if name not in stated]
     if strange and len(strange) < len(tables.own):
         refuse("rotors.name", strange[0], f"must be one of {', '.join(stated)}, or none of the entries may name one")
-    notes = ()
+    notes: tuple[str, ...] = ()
     if strange and stated:
         notes = (f"rotors {', '.join(stated)} of the file: left out; [[rotors]] states all of the vehicle's",)
     whole = {} if strange else stated

@@ -287,7 +287,9 @@ class _Tree:
         ET.SubElement(urdf, "dynamics", rubbing)
         for mimic in axis.iterfind("mimic"):
             words = {"multiplier": "1", "offset": "0", "reference": "0"}
-            numbers = {word: finite(_text(mimic, word, usual), f"{field}.mimic.{word}") for word, usual in words.items()}
+            numbers = {
+                word: finite(_text(mimic, word, usual), f"{field}.mimic.{word}") for word, usual in words.items()
+            }
             numbers["offset"] -= numbers["multiplier"] * numbers.pop("reference")
             leader = scope.whole(mimic.get("joint", ""))
             ET.SubElement(urdf, "mimic", {word: repr(each) for word, each in numbers.items()}, joint=leader)

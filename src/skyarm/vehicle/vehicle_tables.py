@@ -333,7 +333,7 @@ def mounted_drives(
     """
     mounted = []
     for joint, table in tables.items():
-        drive = registered_from("drive", object, table, f"{where}.{joint}")
+        drive: Any = registered_from("drive", object, table, f"{where}.{joint}")
         if speeds.get(joint) and hasattr(drive, "speed_limit") and "speed_limit" not in table:
             drive = replace(drive, speed_limit=speeds[joint])
         mounted.append(MountedDrive(name=joint, drive=drive))

@@ -29,7 +29,8 @@ def expand_xacro(path: Path, arguments: Mapping[str, str]) -> bytes:
     marks = [mark for above in reversed(path.resolve().parents) for mark in above.glob("*/package.xml")]
     packages.update_package_cache({mark.parent.name: mark.parent for mark in marks})
     try:
-        return xacro.process_file(str(path), mappings=dict(arguments)).toxml().encode()
+        expanded: str = xacro.process_file(str(path), mappings=dict(arguments)).toxml()
+        return expanded.encode()
     except Exception as error:  # of its macros, its expressions and the files that it includes
         cure = "a vehicle file that names it states its arguments in the table xacro, NAME = VALUE"
         raise VehicleError(f"xacro: {error}: must expand; {cure}") from None

@@ -96,7 +96,8 @@ def _rotor(vehicle: MujocoVehicle, site: int, actuator: int, name: str) -> State
         axis=description.unit_axis(f"rotors[{name}].axis", axis.tolist()),
         values=values,
         where=dict.fromkeys(values, "gear, ranges and dynprm (a lag of the thrust) of the actuators at sites"),
-        **named,
+        joint=named.get("joint", ""),
+        tilt_joint=named.get("tilt_joint", ""),
     )
 
 
