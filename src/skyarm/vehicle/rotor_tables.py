@@ -120,7 +120,7 @@ def mount_rotors(bodies: RigidBodies, tables: RotorTables) -> MountedRotors:
     Raises:
         VehicleError: a number is missing where the tables speak of rotors, or a rotor rides on a link that moves.
     """
-    stated = {each.name: each for each in bodies.rotors}
+    stated = {each.name: _at_mass(bodies, each) for each in bodies.rotors}
     strange = [name for name in tables.own if name not in stated]
     if strange and len(strange) < len(tables.own):
         refuse("rotors.name", strange[0], f"must be one of {', '.join(stated)}, or none of the entries may name one")
@@ -178,6 +178,14 @@ def _joint_of(bodies: RigidBodies, link: str) -> str:
     return next((each.joint.name for each in bodies.links if each.name == link), "")
 
 
+def _at_mass(bodies: RigidBodies, rotor: StatedRotor) -> StatedRotor:
+    """Rotor whose place is the centre of mass of its moving link, where its simulator pushes there."""
+    seat = place_in(bodies, rotor.link, f"rotors[{rotor.name}].link")
+    if not rotor.at_mass or seat.link == BASE:
+        return rotor
+    return replace(rotor, position=seat.rotation.apply_T(bodies.links[seat.link].body.com - seat.position))
+
+
 def _spin(bodies: RigidBodies, rotor: StatedRotor) -> Values:
     """Inertia of what turns about a rotor's axis, kg m^2, from the link that its joint spins."""
     for link in bodies.links:
@@ -208,18 +216,19 @@ def _rotor(bodies: RigidBodies, origin: StatedRotor, values: Values) -> Rotor:
     values = whole_values(values)
     link = values.pop("link", None)
     seat = place_in(bodies, link or origin.link, f"{where}.link")
+    of_base = place_in(bodies, link or "base", f"{where}.link")  # what the vehicle file states itself
     if seat.link != BASE:
         refuse(
             f"{where}.link",
             seat.name,
             f"must be fixed to the base; joint {bodies.links[seat.link].joint.name} moves it",
         )
-    turned = seat.name not in ("base", bodies.root)
-    position = values.pop("position", origin.position)
-    thrust_axis = values.pop("axis", origin.axis)
-    if turned:
-        position = description.vector(list(seat.position + seat.rotation.apply(position)))
-        thrust_axis = description.unit_axis(f"{where}.axis", list(seat.rotation.apply(thrust_axis)))
+    place, position = (of_base, values.pop("position")) if "position" in values else (seat, origin.position)
+    if place.name not in ("base", bodies.root):
+        position = description.vector(list(place.position + place.rotation.apply(position)))
+    place, thrust_axis = (of_base, values.pop("axis")) if "axis" in values else (seat, origin.axis)
+    if place.name not in ("base", bodies.root):
+        thrust_axis = description.unit_axis(f"{where}.axis", list(place.rotation.apply(thrust_axis)))
     table: ThrustTable | None = values.get("table")
     if table is not None:
         for needed in COEFFICIENTS if table.torque else COEFFICIENTS[:1]:

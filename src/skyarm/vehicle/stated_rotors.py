@@ -51,6 +51,7 @@ class StatedRotor:
         joint, tilt_joint: joint that spins it, and one that tilts it, which are no joints of an arm; "" if the file has
             none.
         absent: field -> why this form of file does not state it. It is a gap, also if a rotor could do without.
+        at_mass: true of a rotor that pushes at its link's centre of mass in place of ``position``.
         elements: elements of an XML file that it was read from, which no note calls unread.
     """
 
@@ -63,6 +64,7 @@ class StatedRotor:
     joint: str = ""
     tilt_joint: str = ""
     absent: Mapping[str, str] = field(default_factory=dict)
+    at_mass: bool = False
     elements: tuple[Any, ...] = ()
 
 

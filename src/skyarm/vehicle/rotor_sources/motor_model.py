@@ -1,6 +1,6 @@
 """Rotors of Gazebo's motor models: plugins of RotorS, Gazebo classic and gz-sim in URDF and SDF files.
 
-The plugin pushes along z of the rotor's link at its centre of mass with motorConstant w^2, and turns it with
+The plugin pushes along z of the rotor's link, at its centre of mass, with motorConstant w^2, and turns it with
 momentConstant times that thrust. Source: RotorS (Furrer et al. 2016), gazebo_motor_model.cpp; gz-sim,
 MulticopterMotorModel.cc.
 """
@@ -78,7 +78,9 @@ def _rotor(plugin: ET.Element) -> StatedRotor:
         values.pop("thrust_coefficient", None)
         absent["thrust_coefficient"] = f"motorType is {kind}, of which thrust is not motorConstant w^2"
     joint = _text(plugin, "jointName")
-    return StatedRotor(name=name, link=name, values=values, where=where, joint=joint, absent=absent, elements=(plugin,))
+    return StatedRotor(
+        name=name, link=name, values=values, where=where, joint=joint, absent=absent, at_mass=True, elements=(plugin,)
+    )
 
 
 def _field(plugin: ET.Element) -> str:
