@@ -50,7 +50,7 @@ def test_every_command_is_tried_here() -> None:
     assert set(REPLACES) == set(SHIPPED), "enter it in tests/cli/every_command.py"
 
 
-READ = ("--columns", "--join")
+READ = ("--columns", "--join", "--from")
 """Options with a file that is read."""
 
 ELSEWHERE = {

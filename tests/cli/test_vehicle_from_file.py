@@ -186,5 +186,5 @@ def test_compare_refuses_what_mujoco_does_not_read_as_a_vehicle(folder, file, sa
     saved(folder, quad())
     saved(folder, 'schema = 1\nname = "o"\nurdf = "r.urdf"\n', "v.toml")
     body = '<body><geom size="0.1" mass="1"/></body>'
-    saved(folder, f"<mujoco><worldbody>{body}{body}</worldbody></mujoco>", "v.xml")
+    saved(folder, f"<mujoco><worldbody>{body}<body><site/></body></worldbody></mujoco>", "v.xml")
     refused(skyarm("show", file, "--compare"), said)

@@ -68,6 +68,13 @@ CHECKS: tuple[Check, ...] = (
         "whether the rotors can give thrust and torque about all axes",
         "check axes and positions",
     ),
+    Check(
+        VEHICLE,
+        "rotors as joints",
+        "fault",
+        "whether driven joints without limits have the names or the places of rotors",
+        '`[[rotors]] link = "NAME"`; or `[[joints]]` gives a joint of an arm its limits',
+    ),
     Check(VEHICLE, "axes of the rotors", "fault", "whether the thrust of a rotor points down", "turn the axis round"),
     Check(
         VEHICLE,

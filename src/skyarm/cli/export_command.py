@@ -65,26 +65,26 @@ def export(
         str,
         typer.Argument(
             metavar="LOG|LAW|VEHICLE|SCENARIO",
-            help="a log (.npz, .mcap); for c a law or a scenario; else a vehicle or a scenario",
+            help="a log (.npz, .mcap); c: a law or scenario; else a vehicle or scenario",
         ),
     ],
     to: Annotated[
         str | None,
         typer.Option(
             metavar="FORMAT",
-            help="mcap, npz or csv for a log; c for a law; mjcf, urdf, sdf or toml for a vehicle",
+            help="mcap, npz, csv: a log; c: a law; mjcf, urdf, sdf, toml: a vehicle",
             autocompletion=word_completion("c", registered="log_format vehicle_format"),
         ),
     ] = None,
     file: Annotated[str | None, out_option("file to write; for a log next to it if left out", metavar="FILE")] = None,
     vehicle: Annotated[
-        str | None, typer.Option(help="with c: vehicle in the model of a preset or law; of a log of several: which")
+        str | None, typer.Option(help="with c: vehicle in the model; of a log of several: which")
     ] = None,
     gravity: Annotated[
-        float | None, typer.Option(help="with c and mjcf: gravity, m/s^2; if left out the scenario's, or 9.81")
+        float | None, typer.Option(help="with c, mjcf: m/s^2; left out: the scenario's, or 9.81")
     ] = None,
     rate: Annotated[
-        float | None, typer.Option(help="with c: control rate, Hz; if left out the scenario's, or 200")
+        float | None, typer.Option(help="with c: control rate, Hz; left out: the scenario's, or 200")
     ] = None,
     name: Annotated[str | None, typer.Option(help="with c: beginning of the names in the file")] = None,
     single: Annotated[bool, typer.Option("--float32", help="with c: float in place of double")] = False,
@@ -98,9 +98,8 @@ def export(
 ) -> None:
     """Write a log, a law as C, or a vehicle as MJCF, URDF, SDF or TOML.
 
-    With --to c a preset, a law, LAW_tuned, FILE.py:make, gains or a scenario (its controller) become one C99 file; with
-    --to mjcf a vehicle or a scenario becomes MuJoCo's model, with --to urdf or sdf a robot with motor-model plugins.
-    What a format loses of a vehicle stands in the first lines of the file.
+    With --to c a preset, a law, LAW_tuned, FILE.py:make, gains or a scenario (its controller) become one C99 file.
+    What a format loses of a vehicle stands in the first lines of its file.
     """
     if to != "c" and to not in names("vehicle_format"):
         require_left_out(context, [*OF_LAWS, *OF_VEHICLES], " of a log; it belongs to --to c or mjcf")
