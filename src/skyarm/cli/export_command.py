@@ -65,7 +65,7 @@ def export(
         str,
         typer.Argument(
             metavar="LOG|LAW|VEHICLE|SCENARIO",
-            help="a log; with c a law or scenario; else a vehicle or scenario",
+            help="a log; c: a law or scenario; else vehicle or scenario",
         ),
     ],
     to: Annotated[
