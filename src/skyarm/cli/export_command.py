@@ -96,7 +96,7 @@ def export(
         float | None, typer.Option(help="with mcap: Unix time of the start of the flight, s; if left out 0")
     ] = None,
 ) -> None:
-    """Write a log, a law as C, or a vehicle as MJCF, URDF, SDF or TOML.
+    """Write a log, a law as C, or a vehicle as MJCF, URDF or SDF.
 
     With --to c a preset, a law, LAW_tuned, FILE.py:make, gains or a scenario (its controller) become one C99 file.
     What a format loses of a vehicle stands in the first lines of its file.
