@@ -34,7 +34,7 @@ KINDS: Mapping[str, str] = {
     "drive": "a joint's actuator: a subclass of skyarm.Drive",
     "law": "a maker of controllers: function (model, **options) -> Controller",
     "autopilot": "a program that flies the base: function (model, **options) -> Controller with an Autopilot",
-    "rotor_source": "rotors of another program's file: function (skyarm.RotorFile) -> skyarm.StatedRotor of each",
+    "rotor_source": "rotors of another program's file: function (RotorFile of skyarm.vehicle.stated_rotors) -> rotors",
     "plant": "a simulated vehicle: class (world, around, integrator, physics_step)",
     "metric": "a number of a flight: a subclass of skyarm.Metric whose fields all have defaults",
     "ending": "what ends an episode: a subclass of skyarm.Ending",
