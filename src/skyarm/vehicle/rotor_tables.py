@@ -223,6 +223,7 @@ def _rotor(bodies: RigidBodies, origin: StatedRotor, values: Values) -> Rotor:
             seat.name,
             f"must be fixed to the base; joint {bodies.links[seat.link].joint.name} moves it",
         )
+    position: Any
     place, position = (of_base, values.pop("position")) if "position" in values else (seat, origin.position)
     if place.name not in ("base", bodies.root):
         position = description.vector(list(place.position + place.rotation.apply(position)))
