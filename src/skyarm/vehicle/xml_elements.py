@@ -9,7 +9,9 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from xml.parsers import expat
 
+from skyarm.algebra import Vec3
 from skyarm.records.files import PathLike
+from skyarm.vehicle import description
 from skyarm.vehicle.check import refuse
 
 UNBOUND_PREFIX = expat.errors.codes[expat.errors.XML_ERROR_UNBOUND_PREFIX]
@@ -93,6 +95,12 @@ def numbers(element: ET.Element | None, name: str, field: str, default: tuple[fl
     """Read three optional numbers from an attribute of an XML element."""
     text = None if element is None else element.get(name)
     return default if text is None else numbers_of(text, f"{field}.{name}", 3)
+
+
+def centre_of_mass(link: ET.Element) -> Vec3:
+    """Centre of mass of a URDF link in its axes, m; its origin if none is stated."""
+    origin = link.find("inertial/origin")
+    return description.vector(numbers(origin, "xyz", f"link[{link.get('name')}].inertial.origin", (0.0, 0.0, 0.0)))
 
 
 def numbers_of(text: str, field: str, count: int) -> list[float]:

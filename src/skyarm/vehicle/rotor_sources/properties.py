@@ -10,9 +10,8 @@ import math
 import re
 import xml.etree.ElementTree as ET
 
-from skyarm.vehicle import description
 from skyarm.vehicle.stated_rotors import MAX_THRUST, RotorFile, StatedRotor
-from skyarm.vehicle.xml_elements import number, numbers
+from skyarm.vehicle.xml_elements import centre_of_mass, number
 
 GRAVITY = 9.81
 """m/s^2, of thrust2weight."""
@@ -36,13 +35,16 @@ def properties_rotors(file: RotorFile) -> tuple[StatedRotor, ...]:
         "thrust2weight": (MAX_THRUST, mass * GRAVITY / max(len(links), 1)),
     }
     stated = {word: each for word, each in scales.items() if properties.get(word)}
+    where = {ours: f"{word} of <properties>" for word, (ours, _) in stated.items()}
+    if others := ", ".join(word for word in properties.attrib if word not in (*scales, "arm")):
+        where["properties"] = f"{others}: not read; [drag] states what the air takes"
     return tuple(
         StatedRotor(
             name=name,
             link=name,
-            position=description.vector(numbers(each.find("inertial/origin"), "xyz", f"link[{name}]", (0.0, 0.0, 0.0))),
+            position=centre_of_mass(each),
             values={ours: number(properties, word, "properties", 0.0) * by for word, (ours, by) in stated.items()},
-            where={ours: f"{word} of <properties>" for word, (ours, _) in stated.items()},
+            where=where,
             absent={"direction": "it stands in the program's code"},
             elements=(properties,),
         )
