@@ -188,3 +188,9 @@ def test_bodies_with_rotors_take_no_rotor_file(tmp_path):
     text = 'schema = 1\nname = "v"\nurdf = "r.urdf"\n[rotor_file]\nfile = "frame"\n'
     with pytest.raises(VehicleError, match="must be left out: the file of the bodies states rotors"):
         load_vehicle(saved(tmp_path, text, "v.toml"))
+
+
+def test_a_wrong_platform_names_its_own_file(tmp_path):
+    (tmp_path / "p.yaml").write_text("platform: {cf: -1, cm: 1, max_thrust: 3}")
+    with pytest.raises(VehicleError, match=r"p\.yaml: platform\.cf = -1: must be above 0"):
+        load_vehicle(tmp_path / "p.yaml")

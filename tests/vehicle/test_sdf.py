@@ -297,3 +297,20 @@ def test_what_is_not_read_is_noted_and_a_polynomial_is_no_thrust_coefficient(tmp
 def test_other_formats_name_what_makes_a_file_that_is_read(name, words):
     with pytest.raises(VehicleError, match=re.escape(words)):
         load_vehicle(name)
+
+
+def test_a_missing_model_is_not_replaced_by_the_ground(tmp_path):
+    ground = f'<model name="ground"><static>1</static>{link("g")}</model>'
+    include = "<include><uri>https://example.org/X3</uri></include>"
+    path = written(tmp_path, f'<sdf version="1.9"><world name="w">{ground}{include}</world></sdf>')
+    with pytest.raises(VehicleError, match=r"^models = \['ground'\]: must be one.*include\.uri = 'https"):
+        read_sdf(path)
+    with pytest.raises(VehicleError, match=r"^base = 'other': must be one of ground; include\.uri"):
+        read_sdf(path, base="other")
+
+
+def test_thrust_acts_at_the_centre_of_mass_of_the_rotors_link(tmp_path):
+    # gz-sim's AddWorldForce and Gazebo's AddRelativeForce push at the link's centre of mass
+    turning = link("r", "<pose>0.2 0 0 0 0 0</pose>", "0.01", "<pose>0 0.03 0.05 0 0 0</pose>")
+    parts = link("b") + turning + joint("spin", "b", "r")
+    assert [*read_sdf(written(tmp_path, model(parts + motor(0)))).rotors[0].position] == [0, 0.03, 0.05]

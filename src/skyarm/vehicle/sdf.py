@@ -95,10 +95,13 @@ def _vehicle(path: Path, base: str, notes: Notes) -> tuple[ET.Element, _Scope]:
             missing = f"; {error}"
             notes.add(f"not read: {error}")
     moving = [pair for pair in models if _text(pair[0], "static") not in TRUE]
-    chosen = [pair for pair in models if pair[0].get("name") == base] or moving or models
-    if len(chosen) != 1:
+    chosen = [pair for pair in models if pair[0].get("name") == base] if base else moving or models
+    names = [each.get("name") for each, _ in chosen or models]
+    if base and not chosen:
+        refuse("base", base, f"must be one of {', '.join(map(str, names))}{missing}")
+    if len(chosen) != 1 or (missing and not base and not moving):  # a model that is missing, and not the ground
         cure = 'a TOML file with sdf = "FILE" and base = "NAME" names it'
-        refuse("models", [each.get("name") for each, _ in chosen], f"must be one, the vehicle; {cure}{missing}")
+        refuse("models", names, f"must be one, the vehicle; {cure}{missing}")
     return chosen[0]
 
 

@@ -123,10 +123,10 @@ def _bodies(robot: ET.Element, mimic: str, notes: Notes, path: Path, spun: Conta
     file = _read_elements(robot)
     roots = [name for name in file.links if name not in file.above]
     parents = {name: _end(joint, "parent", file.links) for name, joint in file.above.items()}
-    root = roots[0] if roots else ""
-    order = description.tree_order(parents, root, "parent of link[{}]")
-    if len(roots) != 1:
+    if len(roots) > 1:
         refuse("links without a parent", roots, "must be exactly one, the base")
+    root = "".join(roots)
+    order = description.tree_order(parents, root, "parent of link[{}]")
     root, order = _without_freedom([root, *order], parents, file, notes)
     tree = BodyTree(file.mimics, notes)
     seats = {root: Frame(name="", link=BASE, position=ZERO3)}

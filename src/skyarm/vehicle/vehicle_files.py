@@ -7,6 +7,7 @@ from collections.abc import Callable, Collection, Mapping
 from functools import cache, partial
 from importlib import resources
 from pathlib import Path
+from typing import TypeVar
 
 from skyarm.records.files import (
     PathLike,
@@ -26,6 +27,8 @@ from skyarm.vehicle.check import VehicleError, refuse
 from skyarm.vehicle.stated_rotors import RotorFile, rotors_in
 from skyarm.vehicle.vehicle_records import Vehicle
 from skyarm.vehicle.vehicle_tables import vehicle_from
+
+Read = TypeVar("Read")
 
 LIBRARY = resources.files("skyarm.vehicle") / "library"
 
@@ -52,7 +55,8 @@ def load_vehicle(name_or_path: PathLike) -> Vehicle:
         return _library_vehicle(text)
     if is_robot(text):
         return _name_file_in_errors(text, lambda: plain_vehicle(robot_file(text)))
-    if path.suffix in ROTORS_ALONE and path.is_file() and rotors_in(RotorFile(path)):
+    alone = path.suffix in ROTORS_ALONE and path.is_file()
+    if alone and _name_file_in_errors(text, lambda: rotors_in(RotorFile(path))):
         beside = f'its rotors stand beside bodies in a vehicle file: urdf = "BODIES.urdf", [rotor_file] file = "{text}"'
         raise VehicleError(f"vehicle = {shown(text)}: has no bodies; {beside}")
     if path.suffix in FOREIGN:
@@ -74,8 +78,8 @@ def _library_vehicle(name: str) -> Vehicle:
     return _name_file_in_errors(name, lambda: _from_toml((LIBRARY / f"{name}.toml").read_bytes(), None))
 
 
-def _name_file_in_errors(file: str, read: Callable[[], Vehicle]) -> Vehicle:
-    """Call ``read`` and return its vehicle; an error becomes one line that begins with the file's name."""
+def _name_file_in_errors(file: str, read: Callable[[], Read]) -> Read:
+    """Call ``read`` and return what it reads; an error becomes one line that begins with the file's name."""
     try:
         return read()
     except VehicleError as error:

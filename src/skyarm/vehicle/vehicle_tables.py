@@ -10,7 +10,7 @@ from typing import Any, TypeVar
 
 from skyarm.algebra import Mat3, Vec3
 from skyarm.records.coerce import concrete
-from skyarm.records.files import Fields
+from skyarm.records.files import Fields, errors_as
 from skyarm.records.files.names import unreadable
 from skyarm.records.read_table import make_at, numbers_from, record_from, registered_from
 from skyarm.vehicle import check, description
@@ -172,7 +172,8 @@ def _with_rotor_file(bodies: RigidBodies, fields: Fields, folder: Path) -> Rigid
         refuse(fields.at("file"), name, "must be left out: the file of the bodies states rotors")
     if reason := unreadable(folder / name):
         refuse(fields.at("file"), name, reason)
-    rotors = rotors_in(RotorFile(folder / name, None, fields))
+    with errors_as(VehicleError, f"{fields.at('file')} = {name!r}: ", VehicleError):
+        rotors = rotors_in(RotorFile(folder / name, None, fields))
     if not rotors:
         refuse(fields.at("file"), name, "must state rotors: a platform of eagle-mpc (.yaml), or CA_ROTOR* of PX4")
     fields.done()
