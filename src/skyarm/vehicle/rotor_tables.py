@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import field, replace
 from functools import partial
 from typing import Any, get_args
@@ -198,16 +198,34 @@ def _spin(bodies: RigidBodies, rotor: StatedRotor) -> Values:
 def _gaps(bodies: RigidBodies, rotors: Mapping[str, StatedRotor], values: Mapping[str, Values]) -> list[str]:
     """Lines on what the rotors of a file lack: the rotors, the missing fields and where to state them."""
     missing: dict[str, list[str]] = {}
+    riding: list[str] = []
+    joints: list[str] = []
     for name, rotor in rotors.items():
         seat = place_in(bodies, values[name].get("link", rotor.link), f"rotors[{name}].link")
-        if seat.link != BASE:
-            joint = bodies.links[seat.link].joint.name
-            held = f'ride on a link that joint {joint} moves; hold it: [[joints]] name = "{joint}", hold = 0.0'
-            missing.setdefault(held, []).append(name)
+        if moving := _joints_below(bodies, seat.link):
+            riding.append(name)
+            joints += moving
         elif lacks := ", ".join(gaps_of(rotor, values[name])):
             cure = "state them in [rotor_defaults], or in [[rotors]] with the rotor's name"
             missing.setdefault(f"the file states no {lacks}; {cure}", []).append(name)
-    return [f"rotors {', '.join(names)}: {words}" for words, names in missing.items()]
+    lines = [f"rotors {', '.join(names)}: {words}" for words, names in missing.items()]
+    return [*lines, f"rotors {', '.join(riding)}: {_rides_on(joints)}"] if joints else lines
+
+
+def _joints_below(bodies: RigidBodies, link: int) -> list[str]:
+    """Names of the joints that move a link, the base's first; none if it is the base."""
+    if link == BASE:
+        return []
+    return [*_joints_below(bodies, bodies.links[link].parent), bodies.links[link].joint.name]
+
+
+def _rides_on(joints: Sequence[str]) -> str:
+    """Words on joints that move a rotor, and how to hold them."""
+    first, *others = dict.fromkeys(joints)
+    hold = f'[[joints]] name = "{first}", hold = 0.0'
+    if not others:
+        return f"ride on a link that joint {first} moves; hold it: {hold}"
+    return f"ride on links that joints {', '.join((first, *others))} move; hold each at an angle for flight: {hold}"
 
 
 def _rotor(bodies: RigidBodies, origin: StatedRotor, values: Values) -> Rotor:

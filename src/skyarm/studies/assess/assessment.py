@@ -242,7 +242,7 @@ def _vehicle_findings(poses: ArmPoses, payload: float) -> list[Finding]:
     if vehicle.rotors:
         findings += rotor_layout(vehicle, gravity)
     else:
-        findings += _no_rotors(vehicle)
+        findings.append(_no_rotors(vehicle))
     findings += rotors_as_joints(vehicle)
     loads = [poses, *([poses.of(vehicle.with_payload(payload), f" with {payload:g} kg")] if payload else [])]
     turned = bool(vehicle.rotors) and _has_full_allocation(vehicle)
@@ -257,15 +257,15 @@ def _vehicle_findings(poses: ArmPoses, payload: float) -> list[Finding]:
     return [*findings, *arm_workspace(poses), *endurance]
 
 
-def _no_rotors(vehicle: Vehicle) -> list[Finding]:
-    """Faults of a vehicle without rotors: one, or one a gap in the rotors that its file states."""
+def _no_rotors(vehicle: Vehicle) -> Finding:
+    """Fault of a vehicle without rotors: there are none, or its file states some with gaps."""
     writes = "of a .urdf, .xml or .sdf file this writes the vehicle file: skyarm new vehicle NAME --from FILE"
     if vehicle.gaps:
         remedy = f"state them in a vehicle file; {writes}"
-        return [Finding("rotors", FAULT, gap, "rotors", remedy) for gap in vehicle.gaps]
+        return Finding("rotors", FAULT, "; ".join(vehicle.gaps), "rotors", remedy)
     like = "".join(f', link = "{name}"' for name in links_like_rotors(vehicle)[:1])
     add = f"add [[rotors]]{like}, or put it as an arm on a multirotor by [[attach]] in that one's file"
-    return [Finding("rotors", FAULT, "no rotors: nothing holds it up", "rotors", f"{add}; {writes}")]
+    return Finding("rotors", FAULT, "no rotors: nothing holds it up", "rotors", f"{add}; {writes}")
 
 
 def _has_full_allocation(vehicle: Vehicle) -> bool:
