@@ -313,4 +313,5 @@ def test_thrust_acts_at_the_centre_of_mass_of_the_rotors_link(tmp_path):
     # gz-sim's AddWorldForce and Gazebo's AddRelativeForce push at the link's centre of mass
     turning = link("r", "<pose>0.2 0 0 0 0 0</pose>", "0.01", "<pose>0 0.03 0.05 0 0 0</pose>")
     parts = link("b") + turning + joint("spin", "b", "r")
-    assert [*read_sdf(written(tmp_path, model(parts + motor(0)))).rotors[0].position] == [0, 0.03, 0.05]
+    vehicle = load_vehicle(written(tmp_path, model(parts + motor(0))))
+    assert [*vehicle.rotors[0].position] == [0.2, 0.03, 0.05]
