@@ -54,7 +54,7 @@ def show(
 
     Without a vehicle: names and titles of vehicles, scenarios, studies and controllers. Of a vehicle: mass, centre of
     mass, hover speed and thrust margin, arm reach, static joint torques of a level base; limits of the joints,
-    inertias, motor constants; sources of the numbers. With --out a picture with frames, senses and lengths.
+    inertias, motor constants; sources of the numbers.
 
     Of a measured flight: channels, rates, gaps and clock; with --vehicle its faults, and of each number of the vehicle
     whether the flight excites it. words: the grammar of a scenario file.
