@@ -79,9 +79,10 @@ CHECKS: tuple[Check, ...] = (
     Check(
         VEHICLE,
         "thrust coefficient",
-        "ok, fault",
+        "ok, warning, fault",
         "C_T = thrust / (rho n^2 D^4), D of the largest discs without overlap; "
-        f"fault outside {THRUST_COEFFICIENTS[0]:g} to {THRUST_COEFFICIENTS[1]:g}",
+        f"fault outside {THRUST_COEFFICIENTS[0]:g} to {THRUST_COEFFICIENTS[1]:g}, "
+        "or a warning if another program's file states it",
         "check its unit, N s^2/rad^2",
     ),
     Check(
@@ -89,7 +90,7 @@ CHECKS: tuple[Check, ...] = (
         "moment coefficient",
         "ok, warning, fault",
         f"drag torque over the product of thrust and disc radius; fault above {MOMENT_ARMS[1]:g}, "
-        f"warning below {MOMENT_ARMS[0]:g}",
+        f"warning below {MOMENT_ARMS[0]:g}, or where another program's file states it",
         "check its unit, m",
     ),
     Check(

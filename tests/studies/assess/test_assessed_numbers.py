@@ -265,3 +265,13 @@ def test_changes_of_the_law_alone_cut_no_part_of_a_flight():
 
 def test_the_command_samples_as_many_poses_as_the_function():
     assert inspect.signature(command).parameters["poses"].default == POSES == 1024
+
+
+def test_an_odd_coefficient_that_another_program_s_file_states_is_a_warning():
+    """gym-pybullet-drones' Crazyflie flies, there and here, with a torque of 0.9 times thrust and radius."""
+    vehicle = skyarm.load_vehicle("hummingbird")
+    rotors = tuple(dataclasses.replace(each, moment_coefficient=0.12) for each in vehicle.rotors)
+    own = dataclasses.replace(vehicle, rotors=rotors)
+    theirs = dataclasses.replace(own, sources=(("rotors.moment_coefficient", "km of <properties>"),))
+    levels = [answer(assess_vehicle(each), "moment coefficient").level for each in (own, theirs)]
+    assert levels == ["fault", "warning"]
