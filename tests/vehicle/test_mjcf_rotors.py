@@ -323,3 +323,13 @@ def test_a_joint_that_is_held_loses_its_servo(tmp_path):
     text = model(ARM.format(""), f"<actuator>{SERVOS['position']}</actuator>", joint="")
     vehicle = arm_on(tmp_path, text, '[[joints]]\nname = "j"\nhold = 0.4\n')
     assert (vehicle.n, vehicle.drives) == (0, ())
+
+
+@pytest.mark.parametrize(
+    ("least", "notes"),
+    [("-5", ("rotor a: least thrust -5 N: not read; a rotor here stops, or reverses as far",)), ("-13", ()), ("0", ())],
+)
+def test_a_least_thrust_that_no_rotor_has_here_is_said(tmp_path, least, notes):
+    site = f'<motor site="a" gear="0 0 1 0 0 0.02" ctrllimited="true" ctrlrange="{least} 13"/>'
+    text = model('<site name="a" pos="0.1 0 0"/>', f"<actuator>{site}</actuator>")
+    assert loaded(tmp_path, text).notes == notes

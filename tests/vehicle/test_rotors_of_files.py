@@ -275,3 +275,12 @@ def test_followers_of_a_held_joint_stand_where_it_puts_them(tmp_path):
     theirs, _ = mujoco_matrix(CHAIN, {"ja": 0.3, "jb": -0.05, "jc": 0.2}, ("ja", "jb"))
     assert our_matrix(urdf_vehicle(bodies), [0.2]) == pytest.approx(theirs, rel=1e-11, abs=1e-13)
     assert not bodies.mimics
+
+
+def test_a_joint_with_limits_that_is_held_below_a_rotor_is_said(tmp_path):
+    fields = 'direction = "cw"\nthrust_coefficient = 1e-05\nmoment_coefficient = 0.02\n'
+    vehicle = loaded(tmp_path, quad(plugins=False), f'[[rotors]]\nname = "x"\nlink = "upper"\n{fields}')
+    assert [note for note in vehicle.notes if "held" in note] == [
+        "joint shoulder: held although it has limits, for it moves the link of a rotor"
+    ]
+    assert "shoulder" not in vehicle.joint_names

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import field, replace
 from functools import partial
@@ -136,6 +137,10 @@ def mount_rotors(bodies: RigidBodies, tables: RotorTables) -> MountedRotors:
         for name, origin in origins.items()
     }
     still = _without_spin(bodies, (*stated.values(), *origins.values()))
+    of_arm = {each.joint or _joint_of(bodies, each.link) for each in origins.values()}
+    for joint in (each.joint for each in bodies.links if each.joint.name in of_arm):
+        if math.isfinite(joint.lower) or math.isfinite(joint.upper):
+            notes += (f"joint {joint.name}: held although it has limits, for it moves the link of a rotor",)
     gaps = list(_gaps(still, origins if tables.whole else whole, values))
     if gaps and (tables.own or tables.usual):
         raise VehicleError(gaps[0])

@@ -84,6 +84,11 @@ def _rotor(vehicle: MujocoVehicle, site: int, actuator: int, name: str) -> State
     link, place, axis = "base", turned @ (hub - data.xpos[vehicle.root]), turned @ thrust
     if roles not in ([], ["joint"], ["tilt_joint"], ["joint", "tilt_joint"]):
         link, place, axis, named = name_of(model, "site", site), np.zeros(3), gear[:3], {}
+    least, most = force_range(model, actuator)
+    if least not in (0.0, -most):
+        vehicle.notes.add(
+            f"least thrust {size * least:.3g} N: not read; a rotor here stops, or reverses as far", name, "rotor"
+        )
     if tilting := named.get("tilt_joint"):
         values["tilt"] = _tilt(vehicle, joints[-1], turned)
         far = 1e3 * float(np.linalg.norm(np.cross(data.xaxis[joints[-1]], hub - data.xanchor[joints[-1]])))
