@@ -15,7 +15,7 @@ from skyarm.vehicle.vehicle_text import vehicle_text
 
 
 def own_vehicle_file(file: str, name: str, tip: str = "") -> tuple[str, bool]:
-    """Text of a vehicle file that holds all of a vehicle, and whether it is whole; else comments are to be filled in.
+    """Text of a vehicle file, and whether the vehicle in it is whole or has gaps, written as comments to be filled in.
 
     Args:
         file: name or path that :func:`skyarm.load_vehicle` takes.

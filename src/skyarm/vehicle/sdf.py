@@ -163,7 +163,7 @@ class _Tree:
         self.plugins: list[ET.Element] = []
 
     def add(self, model: ET.Element, scope: _Scope) -> None:
-        """Add what a model holds, and what the models in it hold."""
+        """Add the links, joints, frames and plugins of an SDF model and of the models nested in it."""
         self.models += 1
         if self.models > DEEPEST:
             refuse("models", self.models, f"must be at most {DEEPEST} in one vehicle; does a file include itself?")
@@ -323,7 +323,7 @@ def _texts(element: ET.Element, path: str) -> dict[str, str]:
 
 
 def _pose(pose: ET.Element, field: str) -> Frame:
-    """Pose of a <pose>: position (m), and roll, pitch, yaw (rad or degrees) or a quaternion."""
+    """Position (m) and rotation of an SDF <pose>, by roll, pitch, yaw (rad or degrees) or a quaternion."""
     text, four = (pose.text or "").strip(), pose.get("rotation_format") == "quat_xyzw"
     if not text:
         return ORIGIN
