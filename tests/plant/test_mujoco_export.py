@@ -95,10 +95,13 @@ def test_limits_and_followers_hold_in_the_model():
         link=replace(vehicle.links[1], joint=replace(vehicle.links[1].joint, damping=0)), leader=0, ratio=-2.0
     )
     vehicle = replace(vehicle, links=vehicle.links[:1], followers=(tied,))
-    model, data = loaded(vehicle, start=replace(hovering(vehicle), joints=(0.2,), joint_rates=(0.0,)))
+    model, data = loaded(vehicle, start=replace(hovering(vehicle), joints=(0.2,), joint_rates=(0.3,)))
     mujoco.mj_resetDataKeyframe(model, data, 0)
     shoulder, elbow = (model.joint(name).qposadr[0] for name in ("shoulder", "elbow"))
     assert data.qpos[elbow] == -0.4
+    rates = [data.qvel[model.joint(name).dofadr[0]] for name in ("shoulder", "elbow")]
+    assert rates == [0.3, -0.6]
+    data.qvel[:] = 0.0
     data.ctrl[4] = 0.15
     for _ in range(500):
         mujoco.mj_step(model, data)

@@ -160,7 +160,7 @@ def test_a_strict_reading_of_the_sdf_file_finds_the_vehicle(name, tmp_path):
     links = {each.get("name"): each for each in model.findall("link")}
     frames = {each.get("name"): each for each in model.findall("frame")}
     joints = {each.get("name"): each for each in model.findall("joint")}
-    assert not {*links} & {*frames}
+    assert len({*links, *frames, *joints}) == len(links) + len(frames) + len(joints)
     assert model.get("canonical_link") in links
     places: dict[str, np.ndarray] = {}
 
@@ -201,7 +201,9 @@ def test_a_strict_reading_of_the_sdf_file_finds_the_vehicle(name, tmp_path):
     assert [int(each.findtext("motorNumber")) for each in plugins] == list(range(len(vehicle.rotors)))
     for each, plugin in zip(vehicle.rotors, plugins, strict=True):
         pose = place(plugin.findtext("linkName"))
-        assert joints[plugin.findtext("jointName")].findtext("child") == plugin.findtext("linkName") == each.name
+        hinge = joints[plugin.findtext("jointName")]
+        assert hinge.findtext("child") == plugin.findtext("linkName") == each.name
+        assert float(hinge.findtext("axis/limit/effort")) == math.inf  # Gazebo's plugin turns it by its speed
         same(pose[:3, 3], np.array(list(each.position), float))
         same(pose[:3, 2], np.array(list(each.axis), float))
         assert plugin.findtext("turningDirection") == ("ccw" if each.direction > 0 else "cw")
@@ -259,7 +261,7 @@ def test_what_a_file_loses_is_named_in_its_first_lines(tmp_path):
     heads = {form: written(load_vehicle("hexarotor12_arm5"), form, tmp_path).read_text()[:3000] for form in SUFFIX}
     for form in ("mjcf", "urdf", "sdf"):
         head = heads[form].split("-->")[0]
-        for word in ("battery", "drives of joints", "thrust tables", "drag of the body", "Coulomb", "of stops"):
+        for word in ("battery", "drives of joints", "thrust tables", "drag of the body", "Coulomb", "stops"):
             assert word in head, (form, word)
     assert "armature" in heads["urdf"].split("-->")[0]
     assert "armature" not in heads["mjcf"].split("-->")[0]
@@ -284,6 +286,75 @@ def test_followers_endless_and_one_sided_joints_and_equal_names_read_back(tmp_pa
         assert (again.followers[0].ratio, again.followers[0].offset) == (-2.0, 0.25)
         for found, wanted in zip(dynamics(again), dynamics(vehicle), strict=True):
             same(found, wanted)
+
+
+def endless() -> Vehicle:
+    """Rotors without a largest speed, a slide without limits, a drive without one, links named as their joints."""
+    vehicle = load_vehicle("octo_coaxial_two_arms")
+    rotors = tuple(replace(each, name=f"r---{k}", max_speed=math.inf) for k, each in enumerate(vehicle.rotors))
+    free = {"lower": -math.inf, "upper": math.inf, "effort_limit": math.inf}
+    links = [replace(each, joint=replace(each.joint, name=each.name)) for each in vehicle.links]
+    slide = next(k for k, each in enumerate(links) if not each.joint.turns)
+    links[slide] = replace(links[slide], joint=replace(links[slide].joint, **free))
+    return replace(vehicle, rotors=rotors, links=tuple(links))
+
+
+@pytest.mark.parametrize("form", ["mjcf", "urdf", "sdf"])
+def test_what_has_no_limit_reads_back_without_or_is_named(form, tmp_path):
+    vehicle = endless()
+    path = written(vehicle, form, tmp_path)
+    again, lost = load_vehicle(path), {line.split(",")[0]: line for line in lost_lines(path)}
+    ET.parse(path)  # expat refuses two hyphens in a comment
+    same(allocation(again), allocation(vehicle))
+    assert [each.max_speed for each in again.rotors] == [math.inf] * 8
+    assert [each.name for each in again.rotors] == [each.name for each in vehicle.rotors]
+    assert lost["unlimited speed of rotors"].endswith("r- - -6, r- - -7")
+    slide = next(each for each in again.joints if not each.turns)
+    if form == "urdf":
+        assert (slide.lower, slide.upper, slide.effort_limit) == (-1000, 1000, 1000)
+        assert lost["slides without limits"].endswith(f": {slide.name}")
+        assert lost["unlimited effort"].endswith(f": {slide.name}")
+    else:
+        assert (slide.lower, slide.upper, slide.effort_limit) == (-math.inf, math.inf, math.inf)
+    limited = [each.name for each in vehicle.joints if each.upper < math.inf]
+    assert not any(each.stop_stiffness for each in vehicle.joints)
+    assert limited
+    assert lost["stops or the end of a flight at limits"].endswith(": " + ", ".join(limited))
+
+
+def test_no_two_parts_of_an_sdf_file_have_one_name(tmp_path):
+    """SDFormat 1.7 and later have one space of names for links, joints and frames of a model."""
+    vehicle = endless()
+    model = ET.parse(written(vehicle, "sdf", tmp_path)).getroot().find("model")
+    names = [each.get("name") for each in model if each.tag in ("link", "joint", "frame")]
+    assert len(set(names)) == len(names)
+    assert {*vehicle.joint_names} < {*names}
+    assert any(each.startswith("names that two parts have") for each in lost_lines(tmp_path / "x.sdf"))
+
+
+def test_an_order_of_joints_that_branches_change_is_named(tmp_path):
+    vehicle = random_flyer(3, 6)
+    path = written(vehicle, "mjcf", tmp_path)
+    model = mujoco.MjModel.from_xml_path(str(path))
+    assert [model.joint(k + 1).name for k in range(6)] != [*vehicle.joint_names]
+    assert any(each.startswith("order of joints") for each in lost_lines(path))
+    vehicle = load_vehicle("octo_coaxial_two_arms")
+    assert not any(each.startswith("order of joints") for each in lost_lines(written(vehicle, "mjcf", tmp_path)))
+
+
+@pytest.mark.parametrize("lag", [1e-6, 1e-4, 1e-3, 0.02])
+def test_rotors_of_any_lag_rise_in_mujoco_as_in_closed_form(lag, tmp_path):
+    vehicle = load_vehicle("hummingbird")
+    rotors = tuple(replace(each, time_constant_up=lag, time_constant_down=lag) for each in vehicle.rotors)
+    model = mujoco.MjModel.from_xml_path(str(written(replace(vehicle, rotors=rotors), "mjcf", tmp_path)))
+    data = mujoco.MjData(model)
+    mujoco.mj_resetDataKeyframe(model, data, 0)
+    data.ctrl *= 1.05
+    for _ in range(200):
+        mujoco.mj_step(model, data)
+    lag, t = max(lag, 0.001), 0.2
+    rise = 0.05 * 9.81 * (0.5 * t * t - lag * t + lag * lag * -math.expm1(-t / lag))
+    assert data.qpos[2] - 1.0 == pytest.approx(rise, rel=1e-3)
 
 
 def test_shapes_touch_the_floor_on_request_only(tmp_path):

@@ -9,19 +9,20 @@ changed stands in the first lines of the file. Numbers have all their digits: Mu
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
+from dataclasses import replace
 
 import mujoco
 import numpy as np
 
+from skyarm.algebra import Scalar, Scalars, Vec3
 from skyarm.dynamics.actuators import AllocationError
 from skyarm.dynamics.actuators.hover import hover_trim
 from skyarm.dynamics.actuators.rotor import push
-from skyarm.dynamics.kinematics import every_joint
-from skyarm.dynamics.state import State
+from skyarm.dynamics.kinematics import every_joint, every_rate
+from skyarm.dynamics.state import State, example_state
 from skyarm.dynamics.workspace import nearest_to_zero
-from skyarm.plant.mujoco_model import KINDS, build_spec, joint_addresses, site_of_rotor
+from skyarm.plant.mujoco_model import build_spec, joint_addresses, site_of_rotor
 from skyarm.records.arrays import Array
 from skyarm.vehicle import Rotor, Vehicle
 from skyarm.vehicle.robot_text import actuator_names, render_vehicle
@@ -33,6 +34,9 @@ START = "start"
 
 HEIGHT = 1.0
 """Default height (m) of the start above the floor."""
+
+FASTEST = 1e6
+"""Speed (rad/s) of a rotor in the file that has no largest one."""
 
 
 def mjcf_text(
@@ -58,57 +62,50 @@ def mjcf_text(
         VehicleError: no real body.
     """
     require_plant(vehicle)
-    spec, sites = build_spec(vehicle, gravity), site_of_rotor(vehicle)
     values = {
-        "spec": spec,
+        "spec": build_spec(vehicle, gravity),
         "gravity": gravity,
         "timestep": timestep,
         "inertial": inertial,
         "collisions": collisions,
-        "kinds": {kind: name for name, kind in KINDS.items()},
         "joints": {link.joint.name: link.joint for link in vehicle.moving},
-        "following": [each.link.joint.name for each in vehicle.followers],
-        "sites": sites,
-        "tilting": {site: each for site, each in zip(sites, vehicle.rotors, strict=True) if each.tilt is not None},
+        "rotor_at": dict(zip(site_of_rotor(vehicle), vehicle.rotors, strict=True)),
         "actuators": actuator_names(vehicle),
-        "ranges": [
-            [_thrust(each, float(limit)) for limit in (each.min_speed, each.max_speed)] for each in vehicle.rotors
-        ],
+        "thrust": _thrust,
     }
     model = mujoco.MjModel.from_xml_string(render_vehicle("mjcf", vehicle, key=None, **values))
     return render_vehicle("mjcf", vehicle, key=_start(vehicle, model, start, gravity), **values)
 
 
-def _thrust(rotor: Rotor, speed: float) -> float:
+def _thrust(rotor: Rotor, speed: Scalar) -> float:
     """Rotor thrust (N) at a speed (rad/s) in still air."""
-    return float(rotor.thrust_coefficient) * float(push(rotor, speed)) if math.isfinite(speed) else math.inf
+    within = min(max(float(speed), -FASTEST), FASTEST)
+    return float(rotor.thrust_coefficient) * float(push(rotor, within))
 
 
 def _start(vehicle: Vehicle, model: mujoco.MjModel, start: State | None, gravity: float) -> dict[str, str | Array]:
     """Keyframe of the initial state with hover thrusts."""
-    positions = start.joints if start is not None else (nearest_to_zero(link.joint) for link in vehicle.links)
-    joints = tuple(map(float, positions))
+    if start is None:
+        joints = tuple(nearest_to_zero(link.joint) for link in vehicle.links)
+        speeds = _hover_speeds(vehicle, joints, gravity)
+        level = example_state(*vehicle.sizes)
+        start = replace(level, position=Vec3(0.0, 0.0, HEIGHT), joints=joints, rotor_speeds=speeds)
     qpos, qvel, ctrl = np.array(model.qpos0), np.zeros(model.nv), np.zeros(model.nu)
-    qpos[:7] = (0.0, 0.0, HEIGHT, 1.0, 0.0, 0.0, 0.0)
     at, rates = joint_addresses(vehicle, model)
-    qpos[at] = every_joint(vehicle, joints)
-    speeds = _hover_speeds(vehicle, joints, gravity)
-    if start is not None:
-        qpos[:3], qpos[3:7] = start.position, start.quaternion
-        qvel[:3], qvel[3:6], qvel[rates[: vehicle.n]] = start.velocity, start.rate, start.joint_rates
-        speeds = [float(speed) for speed in start.rotor_speeds]
-    thrusts = np.array([_thrust(rotor, speed) for rotor, speed in zip(vehicle.rotors, speeds, strict=True)])
+    qpos[:3], qpos[3:7], qpos[at] = start.position, start.quaternion, every_joint(vehicle, start.joints)
+    qvel[:3], qvel[3:6], qvel[rates] = start.velocity, start.rate, every_rate(vehicle, start.joint_rates)
+    thrusts = np.array([*map(_thrust, vehicle.rotors, start.rotor_speeds)])
     tilts = [model.joint(f"{rotor.name}_tilt").qposadr[0] for rotor in vehicle.rotors if rotor.tilt is not None]
-    qpos[tilts] = angles = start.tilts if start is not None else (0.0,) * len(tilts)
-    ctrl[: thrusts.size], ctrl[ctrl.size - len(tilts) :] = thrusts, angles
+    qpos[tilts] = start.tilts
+    ctrl[: thrusts.size], ctrl[ctrl.size - len(tilts) :] = thrusts, start.tilts
     return {"name": START, "qpos": qpos, "qvel": qvel, "act": thrusts, "ctrl": ctrl}
 
 
-def _hover_speeds(vehicle: Vehicle, joints: tuple[float, ...], gravity: float) -> list[float]:
+def _hover_speeds(vehicle: Vehicle, joints: tuple[float, ...], gravity: float) -> Scalars:
     """Rotor speeds for level hover, rad/s; zeros if hover is impossible."""
-    still = [0.0] * len(vehicle.rotors)
+    still = (0.0,) * len(vehicle.rotors)
     try:
         trim = hover_trim(vehicle, joints, gravity)
     except AllocationError:
         return still
-    return [float(speed) for speed in trim.speeds] if trim.needs_no_pull else still
+    return trim.speeds if trim.needs_no_pull else still

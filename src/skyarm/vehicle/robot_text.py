@@ -66,49 +66,62 @@ def sdf_text(vehicle: Vehicle) -> str:
 
 
 def _robot(form: str, vehicle: Vehicle) -> str:
-    pieces, first = _pieces(vehicle), 1 + len(vehicle.moving)
+    pieces, first = _pieces(vehicle, one_space=form == "sdf"), 1 + len(vehicle.moving)
     return render_vehicle(form, vehicle, pieces=pieces, motors=list(zip(vehicle.rotors, pieces[first:], strict=False)))
 
 
 def render_vehicle(form: str, vehicle: Vehicle, **values: Any) -> str:
     """Render the template of a format with a vehicle and further values."""
-    names = Counter(_part_names(vehicle))
+    names = Counter([*_part_names(vehicle), *(_joint_names(vehicle) if form == "sdf" else ())])
+    endless = {each.name: sum(map(math.isinf, each.ends)) for each in vehicle.joints}
     return render_template(
         f"vehicle/exported/{form}.jinja",
         vehicle=vehicle,
         digits=_digits,
         shared=[name for name, times in names.items() if times > 1],
-        one_limit=[each.name for each in vehicle.joints if sum(map(math.isinf, each.ends)) == 1],
+        limited=[name for name, ends in endless.items() if ends < 2],
+        one_limit=[name for name, ends in endless.items() if ends == 1],
         rotors="\n".join(rotor_lines(vehicle.rotors)),
         **values,
     )
 
 
-def _pieces(vehicle: Vehicle) -> list[_Piece]:
-    """Links of the file: base, moving links, one for each rotor, one without mass for each frame."""
+def _pieces(vehicle: Vehicle, *, one_space: bool) -> list[_Piece]:
+    """Links of the file: base, moving links, one for each rotor, one without mass for each frame.
+
+    Args:
+        vehicle: its parts.
+        one_space: no link or frame may have the name of a joint.
+    """
     require_plant(vehicle)
-    taken, joints = [link.name for link in vehicle.moving], [link.joint.name for link in vehicle.moving]
+    joints = _joint_names(vehicle)
+    taken, names = joints if one_space else [], list[str]()
+    for link in vehicle.moving:
+        names.append(unused_name(link.name, taken))
+        taken.append(names[-1])
+    names.append(unused_name("base_link", [*taken, *_part_names(vehicle)]))
     base, spun = _with_rotor_links(vehicle)
-    names = [*taken, unused_name("base_link", _part_names(vehicle))]
     followers = {each.name: each for each in vehicle.followers}
     pieces = [_Piece(names[-1], body=base)]
-    for link in vehicle.moving:
+    for name, link in zip(names, vehicle.moving, strict=False):
         at, follower = link.joint, followers.get(link.name)
         pose = names[link.parent], at.name, at.position, at.rotation  # BASE is the last name
-        pieces.append(_Piece(link.name, *pose, link.body, at, follower))
+        pieces.append(_Piece(name, *pose, link.body, at, follower))
     hubs = [
         Frame(name=each.name, link=BASE, position=each.position, rotation=_upright(each)) for each in vehicle.rotors
     ]
-    parts: list[tuple[Frame, Body | None]] = [
-        *((each, spun) for each in hubs),
-        *((each, None) for each in vehicle.frames),
-    ]
-    for frame, body in parts:
-        taken.append(unused_name(frame.name, taken))
-        joints.append(unused_name(f"{taken[-1]}_joint", joints))
-        spins = None if body is None else Joint(name=joints[-1], axis=Vec3(0, 0, 1), effort_limit=0.0)
-        pieces.append(_Piece(taken[-1], names[frame.link], joints[-1], frame.position, frame.rotation, body, spins))
+    for k, frame in enumerate((*hubs, *vehicle.frames)):
+        name = unused_name(frame.name, taken)
+        taken.append(name)
+        joint = unused_name(f"{name}_joint", joints)
+        joints.append(joint)
+        spins = (spun, Joint(name=joint, axis=Vec3(0, 0, 1))) if k < len(hubs) else (None, None)
+        pieces.append(_Piece(name, names[frame.link], joint, frame.position, frame.rotation, *spins))
     return pieces
+
+
+def _joint_names(vehicle: Vehicle) -> list[str]:
+    return [link.joint.name for link in vehicle.moving]
 
 
 def _part_names(vehicle: Vehicle) -> list[str]:

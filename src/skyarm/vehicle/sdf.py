@@ -279,8 +279,8 @@ class _Tree:
         ET.SubElement(urdf, "axis", xyz=_text_of(turned.apply(description.vector(xyz))))
         for word, text in _texts(axis, "limit").items():
             value = finite(text, f"{field}.limit.{word}", infinite=True)
-            if abs(value) < UNLIMITED and (word in limit or value >= 0.0):
-                limit[word] = text
+            if word in limit or value >= 0.0:
+                limit[word] = text if abs(value) < UNLIMITED else repr(math.copysign(math.inf, value))
         if kind == "revolute" and (limit["lower"], limit["upper"]) == ("-inf", "inf"):
             urdf.set("type", "continuous")
         ET.SubElement(urdf, "limit", limit)

@@ -5,6 +5,7 @@ MuJoCo, ROS and Gazebo have no word for tilts, thrust tables or two lags; they s
 
 from __future__ import annotations
 
+import math
 import tomllib
 import xml.etree.ElementTree as ET
 from typing import Any
@@ -58,5 +59,6 @@ def _custom_text(model: Any) -> str:
 
 def _rotor(name: str, values: dict[str, Any], joint: str) -> StatedRotor:
     position, axis = values.pop("position"), values.pop("axis", UP)
+    values.setdefault("max_speed", math.inf)
     where = dict.fromkeys(values, "skyarm's own element in the file")
     return StatedRotor(name=name, position=position, axis=axis, values=values, where=where, joint=joint)
