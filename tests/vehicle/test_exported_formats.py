@@ -280,6 +280,7 @@ def test_followers_endless_and_one_sided_joints_and_equal_names_read_back(tmp_pa
         assert any(each.startswith("joints that follow") for each in lost_lines(path))
         assert any(each.startswith("names that two") and each.endswith(": front") for each in lost_lines(path))
         assert any(each.startswith("limit on one side") for each in lost_lines(path)) == (form != "sdf")
+        assert any(each.startswith("stops or") and each.endswith(": shoulder") for each in lost_lines(path))
         toml = f'schema = 1\nname = "x"\nmimic = "couple"\n{form} = "{path.name}"\n'
         (tmp_path / "x.toml").write_text(toml)
         again = load_vehicle(tmp_path / "x.toml")
@@ -316,6 +317,10 @@ def test_what_has_no_limit_reads_back_without_or_is_named(form, tmp_path):
         assert lost["unlimited effort"].endswith(f": {slide.name}")
     else:
         assert (slide.lower, slide.upper, slide.effort_limit) == (-math.inf, math.inf, math.inf)
+    if form == "mjcf":
+        most = [1e12 * each.thrust_coefficient for each in vehicle.rotors]
+        ranges = mujoco.MjModel.from_xml_path(str(path)).actuator_ctrlrange[:8]
+        np.testing.assert_allclose(ranges.T, [[0.0] * 8, most])
     limited = [each.name for each in vehicle.joints if each.upper < math.inf]
     assert not any(each.stop_stiffness for each in vehicle.joints)
     assert limited
