@@ -315,6 +315,7 @@ def test_what_has_no_limit_reads_back_without_or_is_named(form, tmp_path):
         assert (slide.lower, slide.upper, slide.effort_limit) == (-1000, 1000, 1000)
         assert lost["slides without limits"].endswith(f": {slide.name}")
         assert lost["unlimited effort"].endswith(f": {slide.name}")
+        assert lost["rates without limits"].endswith(", ".join(vehicle.joint_names))
     else:
         assert (slide.lower, slide.upper, slide.effort_limit) == (-math.inf, math.inf, math.inf)
     if form == "mjcf":
