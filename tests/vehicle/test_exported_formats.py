@@ -363,6 +363,34 @@ def test_rotors_of_any_lag_rise_in_mujoco_as_in_closed_form(lag, tmp_path):
     assert data.qpos[2] - 1.0 == pytest.approx(rise, rel=1e-3)
 
 
+@pytest.mark.parametrize("taken", [["rotor0_tilt"], ["rotor0_tilt_"], ["rotor0_tilt", "rotor0_tilt__"]])
+@pytest.mark.parametrize("kind", ["joint", "link"])
+def test_a_tilt_keeps_apart_from_joints_and_links_of_its_name(taken, kind, tmp_path):
+    arm = load_vehicle("pelican_arm2")
+    links = list(arm.links)
+    for k, name in enumerate(taken):
+        joint = replace(links[k].joint, name=name) if kind == "joint" else links[k].joint
+        links[k] = replace(links[k], joint=joint, **({"name": name} if kind == "link" else {}))
+    drives = tuple(each for each in arm.drives if each.name not in taken)
+    vehicle = replace(load_vehicle("voliro_like"), links=tuple(links), frames=arm.frames, drives=drives)
+    path = written(vehicle, "mjcf", tmp_path)
+    again = load_vehicle(path)
+    assert (again.joint_names, again.rotors) == (
+        vehicle.joint_names,
+        load_vehicle(written(vehicle, "toml", tmp_path)).rotors,
+    )
+    for found, wanted in zip(dynamics(again), dynamics(vehicle), strict=True):
+        same(found, wanted)
+    model = mujoco.MjModel.from_xml_path(str(path))
+    data = mujoco.MjData(model)
+    mujoco.mj_resetDataKeyframe(model, data, 0)
+    tilts = model.actuator_trnid[model.nactuator - 6 :, 0]
+    assert {int(model.jnt_bodyid[each]) for each in tilts} == {
+        int(model.site_bodyid[site]) for site in model.actuator_trnid[:6, 0]
+    }
+    assert not data.ctrl[-6:].any()
+
+
 def test_shapes_touch_the_floor_on_request_only(tmp_path):
     for words, touching in (((), 0), (("--collisions",), 1)):
         assert typed("export", "pelican_arm2", "--to", "mjcf", "-o", str(tmp_path / "x.xml"), *words).code == 0

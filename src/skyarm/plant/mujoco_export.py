@@ -25,6 +25,7 @@ from skyarm.dynamics.workspace import nearest_to_zero
 from skyarm.plant.mujoco_model import build_spec, joint_addresses, site_of_rotor
 from skyarm.records.arrays import Array
 from skyarm.vehicle import Rotor, Vehicle
+from skyarm.vehicle.check import unused_name
 from skyarm.vehicle.robot_text import actuator_names, render_vehicle
 from skyarm.vehicle.vehicle_records import require_plant
 
@@ -62,6 +63,7 @@ def mjcf_text(
         VehicleError: no real body.
     """
     require_plant(vehicle)
+    taken = [name for each in vehicle.moving for name in (each.name, each.joint.name)]
     values = {
         "spec": build_spec(vehicle, gravity),
         "gravity": gravity,
@@ -71,6 +73,9 @@ def mjcf_text(
         "joints": {link.joint.name: link.joint for link in vehicle.moving},
         "rotor_at": dict(zip(site_of_rotor(vehicle), vehicle.rotors, strict=True)),
         "actuators": actuator_names(vehicle),
+        "tilts": {
+            each.name: unused_name(f"{each.name}_tilt", taken) for each in vehicle.rotors if each.tilt is not None
+        },
         "thrust": _thrust,
     }
     model = mujoco.MjModel.from_xml_string(render_vehicle("mjcf", vehicle, key=None, **values))
@@ -95,7 +100,7 @@ def _start(vehicle: Vehicle, model: mujoco.MjModel, start: State | None, gravity
     qpos[:3], qpos[3:7], qpos[at] = start.position, start.quaternion, every_joint(vehicle, start.joints)
     qvel[:3], qvel[3:6], qvel[rates] = start.velocity, start.rate, every_rate(vehicle, start.joint_rates)
     thrusts = np.array([*map(_thrust, vehicle.rotors, start.rotor_speeds)])
-    tilts = [model.joint(f"{rotor.name}_tilt").qposadr[0] for rotor in vehicle.rotors if rotor.tilt is not None]
+    tilts = model.jnt_qposadr[model.actuator_trnid[model.nactuator - len(vehicle.tilts) :, 0]]
     qpos[tilts] = start.tilts
     ctrl[: thrusts.size], ctrl[ctrl.size - len(tilts) :] = thrusts, start.tilts
     return {"name": START, "qpos": qpos, "qvel": qvel, "act": thrusts, "ctrl": ctrl}

@@ -126,8 +126,8 @@ def _joint_names(vehicle: Vehicle) -> list[str]:
 
 def _part_names(vehicle: Vehicle) -> list[str]:
     """Names of links, rotors and frames, which share one space of names in a robot's file."""
-    rotors, frames = [each.name for each in vehicle.rotors], [each.name for each in vehicle.frames]
-    return [*(each.name for each in vehicle.moving), *rotors, *frames]
+    named: tuple[Any, ...] = (*vehicle.moving, *vehicle.rotors, *vehicle.frames)
+    return [each.name for each in named]
 
 
 def _digits(value: Any) -> str:

@@ -39,9 +39,10 @@ def own_rotors(file: RotorFile) -> tuple[StatedRotor, ...]:
     if not text:
         return ()
     with errors_as(VehicleError, "skyarm:rotors: "):
-        tables = read_rotor_tables(Fields(tomllib.loads(text), ""))
+        top = Fields(tomllib.loads(text), "")
+        tables, tilts = read_rotor_tables(top), top.inner("tilts")
         every = [(name, {**tables.usual, **own}) for name, own in tables.own.items()]
-        joints = joints or [f"{name}_tilt" if "tilt" in values else "" for name, values in every]
+        joints = joints or [tilts.text(name, f"{name}_tilt") if "tilt" in values else "" for name, values in every]
         if len(joints) != len(every):
             refuse("rotors", len(every), f"must be {len(joints)}, as many as motor-model plugins")
         for fields in tables.tables.values():
