@@ -75,7 +75,13 @@ CHECKS: tuple[Check, ...] = (
         "whether driven joints without limits have the names or the places of rotors",
         '`[[rotors]] link = "NAME"`; or `[[joints]]` gives a joint of an arm its limits',
     ),
-    Check(VEHICLE, "axes of the rotors", "fault", "whether the thrust of a rotor points down", "turn the axis round"),
+    Check(
+        VEHICLE,
+        "axes of the rotors",
+        "warning, fault",
+        "whether the thrust of a rotor points down; a warning if it is reversible, for the shipped laws reverse none",
+        "turn the axis round",
+    ),
     Check(
         VEHICLE,
         "thrust coefficient",
@@ -97,7 +103,7 @@ CHECKS: tuple[Check, ...] = (
         VEHICLE,
         "senses of rotation",
         "ok, warning, fault",
-        f"relative spread of hover thrusts; fault from {UNEVEN:g} if reversing one rotor evens them, "
+        f"relative spread of hover thrusts; fault from {UNEVEN:g} if reversing one rotor, or two, evens them, "
         "warning if senses differ by 2 rotors",
         "turn one rotor round",
     ),

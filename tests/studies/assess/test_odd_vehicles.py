@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import dataclasses
 import math
+import tomllib
 
 import numpy as np
 import pytest
 
 import skyarm
 from skyarm.algebra import Vec3
-from skyarm.dynamics.actuators import make_mixer
+from skyarm.dynamics.actuators import AllocationError, make_mixer
+from skyarm.dynamics.actuators.hover import highest_thrust, hover_trim
 from skyarm.studies.assess.arm_poses import Allocation, arm_poses, hover_efforts, joint_range
 from skyarm.studies.assess.assessment import Assessment, assess_vehicle
 from skyarm.studies.assess.check_sheet import sheet
@@ -86,7 +88,7 @@ def test_nothing_that_can_be_held_follows_from_the_weight():
 @pytest.mark.parametrize("name", ["hexarotor12_arm5", "pelican_arm2"])
 def test_no_pose_has_less_angular_acceleration_than_the_one_found(name):
     vehicle = skyarm.load_vehicle(name)
-    poses, allocation = arm_poses(vehicle, 256), Allocation.of(make_mixer(vehicle))
+    poses, allocation = arm_poses(vehicle, 256), Allocation.of(vehicle)
     joints = arm_poses(vehicle, 2000).joints
     squared, inertia = allocation.squared_speeds(hover_efforts(vehicle, 9.81, joints)), locked_inertia(vehicle, joints)
     for axis, found in enumerate(torque_authority(poses)):
@@ -98,6 +100,71 @@ def test_the_least_angular_acceleration_is_that_of_a_search_by_other_means():
     # differential evolution over forces and bodies put together from the file alone: roll 41.75, pitch 35.35 rad/s^2
     roll, pitch, _ = torque_authority(arm_poses(HEXAROTOR12))
     assert (roll.value, pitch.value) == pytest.approx((41.75, 35.35), rel=2e-3)
+
+
+QUAD = skyarm.load_vehicle("hummingbird")
+
+
+def with_rotors(changes):
+    rotors = (dataclasses.replace(each, **change) for each, change in zip(QUAD.rotors, changes, strict=True))
+    return dataclasses.replace(QUAD, rotors=tuple(rotors))
+
+
+DOWN = {"axis": Vec3(0, 0, -1)}
+BOTH_WAYS = {**DOWN, "reversible": True}
+
+
+def test_reversible_rotors_that_point_down_are_no_fault_and_lift_backwards():
+    vehicle = with_rotors([BOTH_WAYS, {}, {}, BOTH_WAYS])
+    found = assess_vehicle(vehicle, poses=FEW)
+    assert found.flies
+    assert {each.question for each in found.alarms()} == {"axes of the rotors"}
+    assert [each.level for each in found.alarms()] == [WARNING] * 2
+    assert all("the shipped ones turn no rotor backwards" in each.remedy for each in found.alarms())
+    upright = assess_vehicle(QUAD, poses=FEW)
+    for question in ("thrust margin", "senses of rotation", "roll authority", "pitch authority", "largest side force"):
+        assert answer(found, question).value == pytest.approx(answer(upright, question).value, rel=1e-9), question
+    each = QUAD.rotors[0]  # thrust of a quarter of the weight, by hand
+    speed = math.sqrt(float(QUAD.mass) * 9.81 / 4 / float(each.thrust_coefficient))
+    trim = hover_trim(vehicle, (), 9.81)
+    assert trim.needs_no_pull
+    assert [float(w) for w in trim.speeds] == pytest.approx([-speed, speed, speed, -speed], rel=1e-9)
+    assert float(highest_thrust(vehicle)) == pytest.approx(
+        sum(float(r.thrust_coefficient) * float(r.max_speed) ** 2 for r in QUAD.rotors), rel=1e-12
+    )
+
+
+def test_a_rotor_upside_down_that_turns_one_way_is_a_fault():
+    found = assess_vehicle(with_rotors([DOWN, {}, {}, BOTH_WAYS]), poses=FEW)
+    assert not found.flies
+    (fault,) = (each for each in found.alarms() if each.question == "axes of the rotors" and each.level == FAULT)
+    assert fault.field == f"rotors[{QUAD.rotors[0].name}].axis"
+    assert "reversible = true if it turns both ways" in fault.remedy
+
+
+def test_senses_by_sides_name_two_rotors_and_the_tables_that_turn_them():
+    """Rotors of one side turn against those of the other: yaw follows roll, as in a public file of a quadrotor."""
+    places = [(-0.14, -0.18), (-0.14, 0.18), (0.14, 0.18), (0.14, -0.18)]
+    senses = (1, -1, -1, 1)
+    changes = [{"position": Vec3(x, y, 0), "direction": s} for (x, y), s in zip(places, senses, strict=True)]
+    vehicle = with_rotors(changes)
+    arms = np.array([(1, y, -x, -s) for (x, y), s in zip(places, senses, strict=True)])  # thrust, roll, pitch, yaw
+    assert np.linalg.matrix_rank(arms) == 3
+    with pytest.raises(
+        AllocationError, match=r"must be 4; .* skyarm check names rotors whose other direction would do"
+    ):
+        make_mixer(vehicle)
+    found = answer(assess_vehicle(vehicle, poses=FEW), "senses of rotation")
+    assert (found.level, "another sense of two rotors" in found.text) == (FAULT, True)
+    tables = found.remedy.partition(": ")[2].replace("[[rotors]] ", "\n[[rotors]]\n").replace(", ", "\n")
+    turned = {row["name"]: row["direction"] for row in tomllib.loads(tables)["rotors"]}
+    mended = with_rotors(
+        [
+            {**change, "direction": {"cw": -1, "ccw": 1}.get(turned.get(each.name), change["direction"])}
+            for change, each in zip(changes, QUAD.rotors, strict=True)
+        ]
+    )
+    assert [each.level for each in assess_vehicle(mended, poses=FEW).alarms()] == []
 
 
 def test_the_workspace_of_a_planar_arm_ends_where_it_is_stretched_out():

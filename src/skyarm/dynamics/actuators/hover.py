@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from skyarm import dynamics
 from skyarm.algebra import E_Z, ZERO3, Motion, Scalar, Scalars
+from skyarm.algebra.scalars import absolute
 from skyarm.dynamics.actuators.mixer import make_mixer, mix
 from skyarm.dynamics.actuators.rotor import push, speed_of_push
 from skyarm.records.immutable import positional
@@ -18,7 +19,8 @@ class HoverTrim:
     """Trim of a level hover: rotor speeds, thrust and holding joint torques.
 
     Attributes:
-        speeds: rad/s, one per rotor. squared: squared speeds from the mixer; negative means no such hover.
+        speeds: rad/s, one per rotor. squared: squared speeds from the mixer; negative means no such hover, for it is
+            the size of those of reversible rotors.
         thrust: N, the vehicle's weight. efforts: joint torques that hold the arm.
     """
 
@@ -40,12 +42,17 @@ def hover_trim(vehicle: Vehicle, joints: Scalars, gravity: Scalar) -> HoverTrim:
     level = Motion(ZERO3, E_Z * gravity)
     force, efforts = dynamics.inverse_dynamics(vehicle, joints, ZERO3, still, level, still)
     speeds, squared = mix(make_mixer(vehicle), force.torque, force.force.z)
-    if any(rotor.table is not None for rotor in vehicle.rotors):
-        speeds = tuple(speed_of_push(rotor, value) for rotor, value in zip(vehicle.rotors, squared, strict=True))
+    if any(rotor.table is not None or rotor.reversible for rotor in vehicle.rotors):
+        rows = tuple(zip(vehicle.rotors, squared, strict=True))
+        speeds = tuple(speed_of_push(rotor, value) for rotor, value in rows)
+        squared = tuple(absolute(value) if rotor.reversible else value for rotor, value in rows)
     return HoverTrim(speeds, squared, force.force.z, efforts)
 
 
 def highest_thrust(vehicle: Vehicle) -> Scalar:
     """Thrust along body z with every rotor at its highest speed, N."""
-    total: Scalar = sum(r.axis.z * r.thrust_coefficient * push(r, r.max_speed) for r in vehicle.rotors)
+    total: Scalar = sum(
+        (absolute(r.axis.z) if r.reversible else r.axis.z) * r.thrust_coefficient * push(r, r.max_speed)
+        for r in vehicle.rotors
+    )
     return total

@@ -212,7 +212,8 @@ def _require_rank(vehicle: Vehicle, A: list[list[Scalar]]) -> None:
         lost = [name for name, left in zip(AXES, others, strict=False) if np.linalg.matrix_rank(left, tol=1e-6) == rank]
         raise AllocationError(
             f"vehicle '{vehicle.name}': allocation of {len(vehicle.rotors)} rotors has rank {rank}: must be {len(A)}; "
-            f"no {', '.join(lost or AXES[: len(A)])} of its own; check rotor positions, axes and directions"
+            f"no {', '.join(lost or AXES[: len(A)])} of its own; check rotor positions, axes and directions: "
+            "skyarm check names rotors whose other direction would do"
         )
 
 

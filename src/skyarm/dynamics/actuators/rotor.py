@@ -203,7 +203,9 @@ def least_raised(rotors: Sequence[Rotor], commands: Sequence[Scalar]) -> Scalars
 
 def speed_of_push(rotor: Rotor, value: Scalar) -> Scalar:
     """Rotor speed (rad/s) of an effective squared speed, the inverse of :func:`push`."""
-    return sqrt(maximum(value, 0.0)) if rotor.table is None else rotor.table.speed_of_push(value)
+    size = absolute(value) if rotor.reversible else value
+    speed = sqrt(maximum(size, 0.0)) if rotor.table is None else rotor.table.speed_of_push(size)
+    return _with_sign(rotor, value, speed)
 
 
 def spin_torque(rotors: Sequence[Rotor], speeds: Sequence[Scalar], commands: Sequence[Scalar], rate: Vec3) -> Vec3:

@@ -10,7 +10,6 @@ from itertools import pairwise
 import numpy as np
 
 from skyarm.algebra import Mat3, Vec3
-from skyarm.dynamics.actuators import make_mixer
 from skyarm.dynamics.actuators.hover import ROUNDING
 from skyarm.dynamics.actuators.motion_demand import ActuatorDemand, demand_of_motion, motion_of
 from skyarm.records.arrays import Array, Mask, stack_values
@@ -192,7 +191,7 @@ def _stretch(part: FlightPart, time: Array) -> Followed:
         bare = asked(scenario.agent.model.vehicle, rotation=rotation)
         efforts = efforts + demand.efforts - bare.efforts if len(efforts) else demand.efforts
         demand = replace(demand, squared=speeds**2 + demand.squared - bare.squared, efforts=efforts)
-    top = Allocation.of(make_mixer(vehicle)).highest[:, None]
+    top = Allocation.of(vehicle).highest[:, None]
     position = stack_values(len(time), reference.position)
     return Followed(demand, demand.squared / top, _effort_shares(part, demand), position)
 

@@ -12,7 +12,6 @@ import numpy as np
 from skyarm import dynamics
 from skyarm.algebra import E_Z, ZERO3, Motion
 from skyarm.dynamics.actuators import make_mixer
-from skyarm.dynamics.actuators.mixer import Mixer
 from skyarm.records.arrays import Array, doubles, stack_values
 from skyarm.records.immutable import immutable, positional
 from skyarm.vehicle import Joint, Vehicle
@@ -43,15 +42,24 @@ class Allocation:
 
     Attributes:
         inverse: (rotors, 4) squared speed per wrench. highest: (rotors,) largest squared speed, (rad/s)^2.
+        lowest: (rotors,) least one, which counts negative backwards.
     """
 
     inverse: Array
     highest: Array
+    lowest: Array
 
     @classmethod
-    def of(cls, mixer: Mixer) -> Allocation:
-        """Create the allocation arrays from a control mixer whose entries are plain numbers."""
-        return cls(np.array(mixer.inverse, dtype=float), np.array(mixer.highest, dtype=float))
+    def of(cls, vehicle: Vehicle) -> Allocation:
+        """Create the allocation arrays of a vehicle whose numbers are plain; AllocationError if it has none."""
+        mixer = make_mixer(vehicle)
+        highest = np.array(mixer.highest, dtype=float)
+        lowest = np.where([rotor.reversible for rotor in vehicle.rotors], -highest, 0.0)
+        return cls(np.array(mixer.inverse, dtype=float), highest, lowest)
+
+    def sizes(self, squared: Array) -> Array:
+        """Squared speeds (rotors, poses) without the sign of rotors that may turn backwards."""
+        return np.where(self.lowest[:, None] < 0.0, np.abs(squared), squared)
 
     def squared_speeds(self, efforts: Array) -> Array:
         """Squared rotor speeds (rotors, poses), not limited, for base torque and thrust: ``efforts[:4]``."""
@@ -65,7 +73,7 @@ class Allocation:
             change: (rotors, poses or 1) of them.
         """
         with np.errstate(divide="ignore", invalid="ignore"):
-            up, down = (self.highest[:, None] - squared) / change, -squared / change
+            up, down = (self.highest[:, None] - squared) / change, (self.lowest[:, None] - squared) / change
         return np.where(change > 0.0, up, np.where(change < 0.0, down, np.inf))
 
     def room(self, squared: Array, direction: Array) -> Array:
@@ -190,7 +198,7 @@ class ArmPoses:
     @cached_property
     def allocation(self) -> Allocation:
         """Control allocation of the rotors, which must span the torque axes and thrust."""
-        return Allocation.of(make_mixer(self.vehicle))
+        return Allocation.of(self.vehicle)
 
     def efforts(self, joints: Array) -> Array:
         """Generalized forces (4 + n, poses) of level hovers: base torque and thrust, then joint efforts."""

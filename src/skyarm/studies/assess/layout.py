@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Sequence
 from dataclasses import replace
+from itertools import combinations
 
 import numpy as np
 
@@ -86,14 +88,17 @@ def rotor_layout(vehicle: Vehicle, gravity: float) -> list[Finding]:
 
 
 def _axes(vehicle: Vehicle) -> list[Finding]:
-    """Check results, as faults, for rotors whose positive thrust points down."""
+    """Check results for rotors whose positive thrust points down: faults, but of those that also turn backwards."""
     findings = []
     for rotor in vehicle.rotors:
         up, name = float(rotor.axis.z), f"rotors[{rotor.name}].axis"
         if up < 0.0:
-            text = f"the thrust of {rotor.name} points down (z of its axis: {up:.3g})"
-            remedy = f"turn {name} round: it is that of positive thrust"
-            findings.append(Finding("axes of the rotors", FAULT, text, name, remedy, up, 0.0))
+            level, text = FAULT, f"the thrust of {rotor.name} points down (z of its axis: {up:.3g})"
+            remedy = f"turn {name} round: it is that of positive thrust; or reversible = true if it turns both ways"
+            if rotor.reversible:
+                level, text = WARNING, f"{rotor.name} lifts by turning backwards"
+                remedy = "a law of your own: the shipped ones turn no rotor backwards"
+            findings.append(Finding("axes of the rotors", level, text, name, remedy, up, 0.0))
     return findings
 
 
@@ -131,44 +136,49 @@ def thrust_number(rotor: Rotor, radius: float) -> float:
 
 
 def senses_of_rotation(vehicle: Vehicle, gravity: float) -> Finding:
-    """Check result for the rotors' senses of rotation: a fault if reversing one rotor would balance the hover."""
+    """Check result for the rotors' senses of rotation: a fault if reversing one rotor would balance the hover.
+
+    Of rotors that lack torque about an axis two are reversed as well, as where one side turns against the other.
+    """
     own = _spread(vehicle, gravity)
-    question = "senses of rotation"
-    tried = []
-    if not own < UNEVEN:
-        tried = [
-            (_spread(_with_rotor_flipped(vehicle, i), gravity), rotor.name) for i, rotor in enumerate(vehicle.rotors)
-        ]
-    best = min(tried, default=(math.inf, ""))
-    if best[0] < EVENER * own or (math.isinf(own) and best[0] < UNEVEN):
-        # those that explain it as well are as likely
-        names = [name for spread, name in tried if spread <= best[0] + 0.01]
-        fields = ", ".join(f"rotors[{name}].direction" for name in names)
-        text = f"hover is uneven (spread {own:.2g} of the mean) and would be even with another sense of one rotor"
-        remedy = f"turn round {'one of ' if len(names) > 1 else ''}{fields}"
-        return Finding(question, FAULT, text, fields, remedy, own, UNEVEN)
-    turning = abs(sum(rotor.direction for rotor in vehicle.rotors))
+    question, limit = "senses of rotation", UNEVEN if math.isinf(own) else EVENER * own
+    for count in () if own < UNEVEN else (1, 2) if math.isinf(own) else (1,):
+        turns = list(combinations(vehicle.rotors, count))
+        tried = [_spread(_with_rotors_turned(vehicle, turned), gravity) for turned in turns]
+        if (best := min(tried, default=math.inf)) < limit:
+            # those that explain it as well are as likely
+            alike = [turned for spread, turned in zip(tried, turns, strict=True) if spread <= best + 0.01]
+            either = alike if count == 1 else alike[:1]
+            others = "one rotor" if count == 1 else "two rotors"
+            fields = ", ".join(f"rotors[{rotor.name}].direction" for turned in either for rotor in turned)
+            text = f"hover is uneven (spread {own:.2g} of the mean) and would be even with another sense of {others}"
+            tables = (
+                f'name = "{each.name}", direction = "{"cw" if each.direction > 0 else "ccw"}"' for each in either[0]
+            )
+            remedy = f"turn round {'one of ' * (len(either) > 1)}{fields}: [[rotors]] {', [[rotors]] '.join(tables)}"
+            return Finding(question, FAULT, text, fields, remedy, own, UNEVEN)
+    turning = abs(sum(rotor.direction for rotor in vehicle.rotors if not rotor.reversible))
     text = f"rotors share hover evenly (spread {own:.2g} of the mean)" if own < UNEVEN else f"spread of hover {own:.2g}"
     text += f"; {turning} more turn one way than the other" if turning > 1 else ""
     level, field = WARNING if turning > 1 else OK, "rotors.direction"
     return Finding(question, level, text, field, f"check {field}", own, UNEVEN)
 
 
-def _with_rotor_flipped(vehicle: Vehicle, at: int) -> Vehicle:
-    rotors = list(vehicle.rotors)
-    rotors[at] = replace(rotors[at], direction=-rotors[at].direction)
+def _with_rotors_turned(vehicle: Vehicle, turned: Sequence[Rotor]) -> Vehicle:
+    rotors = (replace(each, direction=-each.direction) if each in turned else each for each in vehicle.rotors)
     return replace(vehicle, rotors=tuple(rotors))
 
 
 def _spread(vehicle: Vehicle, gravity: float) -> float:
     """Relative standard deviation of the rotors' hover thrusts, as if the centre of mass were not offset."""
     try:
-        allocation = Allocation.of(make_mixer(vehicle))
+        allocation = Allocation.of(vehicle)
     except AllocationError:
         return math.inf
     efforts = hover_efforts(vehicle, gravity, np.zeros((1, vehicle.n)))
     efforts[:3] = 0.0
-    thrusts = allocation.squared_speeds(efforts)[:, 0] * [float(rotor.thrust_coefficient) for rotor in vehicle.rotors]
+    squared = allocation.sizes(allocation.squared_speeds(efforts))[:, 0]
+    thrusts = squared * [float(rotor.thrust_coefficient) for rotor in vehicle.rotors]
     return float(np.std(thrusts) / abs(np.mean(thrusts)))
 
 

@@ -10,7 +10,6 @@ from skyarm.algebra import Mat3, Vec3
 from skyarm.control.blocks.tip_force import effort_shares, levers
 from skyarm.control.blocks.torque_scale import Tolerances
 from skyarm.control.controller import part_of, presses
-from skyarm.dynamics.actuators import make_mixer
 from skyarm.dynamics.kinematics import frame_pose, jacobian_columns
 from skyarm.records.arrays import Array, doubles, float_array, norm
 from skyarm.reference.trajectory import Reference
@@ -93,7 +92,7 @@ def pushing_efforts(scenario: Scenario, joints: tuple[float, ...], force: Array)
 def yaw_room(scenario: Scenario, joints: tuple[float, ...]) -> float:
     """Yaw torque reserve of the rotors in level hover, N m: the smaller of both senses."""
     vehicle = scenario.agent.vehicle
-    allocation = Allocation.of(make_mixer(vehicle))
+    allocation = Allocation.of(vehicle)
     hover = allocation.squared_speeds(hover_efforts(vehicle, float(scenario.agent.plant.gravity), np.array([joints])))
     return min(float(allocation.room(hover, sign * np.eye(WRENCH)[2])[0]) for sign in (1.0, -1.0))
 

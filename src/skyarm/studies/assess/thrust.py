@@ -26,7 +26,7 @@ def thrust_margin(poses: ArmPoses) -> list[Finding]:
     """Check results for thrust: margin of the most loaded rotor and load of the least loaded one, worst arm pose."""
 
     def quantities(joints: Array) -> Array:
-        squared = poses.squared_speeds(joints)
+        squared = poses.allocation.sizes(poses.squared_speeds(joints))
         busiest = np.max(squared / poses.allocation.highest[:, None], axis=0)
         idlest = np.min(squared, axis=0) / np.mean(np.abs(squared), axis=0)
         return np.stack([-busiest, idlest])
@@ -147,13 +147,14 @@ def largest_payload(poses: ArmPoses, payload: float = 0.0) -> list[Finding]:
 
 def _largest_by_part(poses: ArmPoses, loaded: ArmPoses, joints: Array) -> Array:
     """Largest payload (kg) that each rotor and joint (rows) can carry in each pose; negative if already overloaded."""
-    allocation, bare = replace(poses.allocation, highest=poses.allocation.highest / ENOUGH), poses.efforts(joints)
+    limits, bare = poses.allocation, poses.efforts(joints)
+    allocation = replace(limits, highest=limits.highest / ENOUGH, lowest=limits.lowest / ENOUGH)
     per_kilogram = loaded.efforts(joints) - bare
     rotors = allocation.headroom(allocation.squared_speeds(bare), allocation.squared_speeds(per_kilogram))
-    limits = effort_limits(poses.vehicle)[:, None]
+    most = effort_limits(poses.vehicle)[:, None]
     effort, step = bare[WRENCH:], per_kilogram[WRENCH:]
     with np.errstate(divide="ignore", invalid="ignore"):
-        efforts = np.where(np.abs(step) > 1e-12, (limits - np.sign(step) * effort) / np.abs(step), np.inf)
+        efforts = np.where(np.abs(step) > 1e-12, (most - np.sign(step) * effort) / np.abs(step), np.inf)
     return np.vstack([rotors, efforts])
 
 
