@@ -80,6 +80,19 @@ def test_the_whole_vehicle_is_written_with_its_sources(folder):
     assert (folder / "test_mine.py").read_text("utf-8").count("mine") > 2
 
 
+def test_inertia_of_what_spins_has_its_source_beside_it(folder):
+    spun = (
+        '<link name="p1"><inertial><mass value="0.01"/><inertia ixx="1e-5" iyy="1e-5" izz="2e-5" {}/></inertial></link>'
+    )
+    text = quad().replace('<link name="p1"/>', spun.format('ixy="0" ixz="0" iyz="0"'))
+    text = text.replace('name="f1" type="fixed">', 'name="f1" type="continuous"><axis xyz="0 0 1"/>')
+    saved(folder, text.replace("<linkName>p1<", "<jointName>f1</jointName><linkName>p1<"))
+    assert skyarm("new", "vehicle", "mine", "--from", "r.urdf").code == 0
+    written = (folder / "mine.toml").read_text("utf-8")
+    assert "\ninertia = 2e-05  # r.urdf: links of the rotors, about their axes\n" in written
+    same(load_vehicle("mine.toml"), load_vehicle("r.urdf"))
+
+
 def test_reading_it_back_gives_the_same_vehicle(folder):
     saved(
         folder,

@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from skyarm.vehicle import VehicleError
+from skyarm.vehicle.attach import Notes
 from skyarm.vehicle.vehicle_files import load_vehicle
 from support.cases import agrees, joint, limits, link, pinocchio_of, robot, saved, toml_text
 
@@ -175,6 +176,14 @@ REFUSED = {
     "broken": ('arm = "bad.urdf"', "attach[0].arm = 'bad.urdf': robot = 'no <link>': must have at least one link"),
     "folder": ('arm = "folder.urdf"', "attach[0].arm = 'folder.urdf': is a folder"),
 }
+
+
+def test_notes_name_several_things_by_their_plural():
+    notes = Notes()
+    for kind in ("joint", "body", "rotor"):
+        for name in ("a", "b")[: 1 if kind == "rotor" else 2]:
+            notes.add("not read", name, kind)
+    assert notes.lines() == ("joints a, b: not read", "bodies a, b: not read", "rotor a: not read")
 
 
 @pytest.mark.parametrize("case", REFUSED)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import mujoco
 import numpy as np
 import pytest
@@ -210,6 +212,49 @@ def test_what_has_no_counterpart_is_refused_by_name(tmp_path, case):
     assert str(error.value).startswith(f"{path}: ")
     assert message in str(error.value)
     assert "\n" not in str(error.value)
+
+
+WHOLE = (
+    '<mujoco><worldbody><body name="b"><freejoint/><inertial pos="0 0 0" mass="2" diaginertia="0.1 0.1 0.1"/>'
+    '<body name="arm"><joint name="h" axis="0 1 0" range="-60 60" limited="true" damping="0.1"/>'
+    '<geom size="0.05" pos="0 0 0.1" mass="0.3"/></body><site name="s" pos="0.1 0 0"/></body></worldbody><actuator>'
+    '<motor name="m" site="s" gear="0 0 1 0 0 0.02" ctrllimited="true" ctrlrange="0 9"/>'
+    '<position name="p" joint="h" kp="10"/></actuator></mujoco>'
+)
+
+
+@pytest.mark.parametrize("bad", ["nan", "inf", "-inf"])
+def test_numbers_that_are_not_finite_are_refused_by_element_and_word(tmp_path, bad):
+    assert load_vehicle(saved(tmp_path, WHOLE)).n == 1
+    places = [
+        (found, place)
+        for found in re.finditer(r'(\w+)="([-.\d ]+)"', WHOLE)
+        for place in re.finditer(r"\S+", found[2])
+        if not (found[1].endswith("range") and "inf" in bad)
+    ]
+    assert len(places) == (30 if bad == "nan" else 26)
+    for found, place in places:
+        begin = found.start(2) + place.start()
+        path = saved(tmp_path, f"{WHOLE[:begin]}{bad}{WHOLE[begin + len(place[0]) :]}")
+        with pytest.raises(VehicleError) as error:
+            load_vehicle(path)
+        element = WHOLE[: found.start()].rpartition("<")[2].partition(" ")[0]
+        assert re.match(
+            rf"{element}\[\w+\]\.{found[1]} = '{bad}': must be a", str(error.value).removeprefix(f"{path}: ")
+        )
+        assert "\n" not in str(error.value)
+
+
+def test_a_range_without_end_is_mujocos_own_and_nan_in_an_included_file_is_refused(tmp_path):
+    text = WHOLE.replace('range="-60 60"', 'range="-60 inf"')
+    lower, upper = mujoco.MjModel.from_xml_string(text).jnt_range[1]
+    (link,) = load_vehicle(saved(tmp_path, text)).links
+    assert link.joint.ends == (lower, upper)
+    part = '<mujoco><worldbody><body name="c"><geom size="0.1" mass="nan"/></body></worldbody></mujoco>'
+    saved(tmp_path, part, "part.xml")
+    path = saved(tmp_path, WHOLE.replace("<worldbody>", '<include file="part.xml"/><worldbody>'))
+    with pytest.raises(VehicleError, match=r"^\S+: MJCF = \"XML contains a 'NaN'"):
+        load_vehicle(path)
 
 
 def test_an_arm_fixed_to_its_world_is_attached(tmp_path):

@@ -256,7 +256,16 @@ def test_an_attached_root_keeps_its_pose_as_mujocos_attach_has_it(tmp_path):
     data = mujoco.MjData(spec.compile())
     mujoco.mj_kinematics(data.model, data)
     np.testing.assert_allclose(np.array(vehicle.frame("tip").position), data.site("z_tip").xpos, rtol=0, atol=1e-15)
-    assert any("body hull stands moved or turned in its file and keeps that pose" in note for note in vehicle.notes)
+    kept = "body hull: moved or turned in its file, a pose that it keeps where [[attach]] names this file"
+    assert any(kept in note for note in vehicle.notes)
+    (tmp_path / "own.toml").write_text('schema = 1\nname = "own"\nmjcf = "a.xml"\n')
+    table = f'schema = 1\nname = "v"\nairframe = "hummingbird"\n[[attach]]\narm = "own.toml"\n{pose}'
+    (tmp_path / "on.toml").write_text(table)
+    other = load_vehicle(tmp_path / "on.toml")
+    assert any(f"{kept}, and not elsewhere" in note for note in other.notes)
+    half = np.array([np.cos(0.4), np.sin(0.4), 0.0])  # the pose of the table alone
+    turned = [half[0] * 0.3 - half[1] * 0.1, half[1] * 0.3 + half[0] * 0.1, 0.0]
+    np.testing.assert_allclose(np.array(other.frame("tip").position), np.add([0.1, 0, -0.05], turned), atol=1e-15)
 
 
 BALL = f'<body name="ball" pos="0 0.1 0"><joint name="b" type="ball"/>{inertial()}</body>'

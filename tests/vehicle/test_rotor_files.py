@@ -66,6 +66,14 @@ def test_a_platform_of_eagle_mpc(tmp_path):
     assert (first.time_constant_up, first.time_constant_down) == (0.02, 0.03)
 
 
+@pytest.mark.parametrize("text", ["65e-7", "65E-7", "+65.e-7", ".65e-5", "6.5E-06"])
+def test_numbers_without_a_point_or_sign_are_numbers(tmp_path, text):
+    for rotor in flying(tmp_path, "p.yaml", EAGLE.replace("6.5e-06", text), tables=LAG).rotors:
+        assert rotor.thrust_coefficient == float(text) == pytest.approx(6.5e-06, rel=1e-15)
+    with pytest.raises(VehicleError, match=r"platform\.cf = '65e-7': must be a finite number"):
+        flying(tmp_path, "p.yaml", EAGLE.replace("6.5e-06", '"65e-7"'), tables=LAG)
+
+
 def test_its_torque_is_that_of_its_own_formula(tmp_path):
     """Torque on the base by eagle-mpc's code: p x f + spin cm / cf f."""
     for rotor, spin in zip(flying(tmp_path, "p.yaml", EAGLE, tables=LAG).rotors, (-1, 1), strict=True):

@@ -120,6 +120,39 @@ def test_spin_inertia_is_that_about_the_axis(tmp_path, roll, about_the_axis):
     assert [float(each.inertia) for each in vehicle.rotors] == pytest.approx([about_the_axis] * 4, rel=1e-12)
 
 
+WRONG = {
+    "motorConstant": ("1.3e-05", ("0", "-2", "1e-400"), "thrust_coefficient"),
+    "momentConstant": ("0.017", ("-0.1",), "moment_coefficient"),
+    "maxRotVelocity": ("810", ("0", "-810"), "max_speed"),
+    "timeConstantDown": ("0.031", ("0", "-1"), "time_constant_down"),
+    "rollingMomentCoefficient": ("1.5e-06", ("-1",), "rolling_moment_coefficient"),
+}
+
+
+@pytest.mark.parametrize("word", WRONG)
+def test_a_wrong_number_is_refused_although_others_are_missing(tmp_path, word):
+    right, values, field = WRONG[word]
+    for value in values:
+        path = saved(tmp_path, quad(["direction"]).replace(f"<{word}>{right}<", f"<{word}>{value}<", 1))
+        with pytest.raises(VehicleError) as error:
+            load_vehicle(path)
+        begin = f"{path}: {word} of the motor-model plugins: rotors[fr].{field} = {float(value)}: must be "
+        assert str(error.value).startswith(begin)
+        assert "\n" not in str(error.value)
+
+
+def test_a_table_of_the_user_takes_the_place_of_a_wrong_number(tmp_path):
+    text = quad().replace("<motorConstant>1.3e-05<", "<motorConstant>0<")
+    tables = "".join(f'[[rotors]]\nname = "{name}"\nthrust_coefficient = 2e-5\n' for name in PLACES)
+    assert {each.thrust_coefficient for each in loaded(tmp_path, text, tables).rotors} == {2e-5}
+
+
+def test_a_plugin_names_a_joint_that_is_there(tmp_path):
+    path = saved(tmp_path, quad().replace("<jointName>bl_joint<", "<jointName>bl_hinge<"))
+    with pytest.raises(VehicleError, match="jointName = 'bl_hinge': must be a joint of the file: fl_joint, bl_joint,"):
+        load_vehicle(path)
+
+
 @pytest.mark.parametrize("word", NEEDED)
 def test_what_the_file_lacks_is_a_gap(tmp_path, word):
     vehicle = load_vehicle(saved(tmp_path, quad([word])))

@@ -258,8 +258,21 @@ NO_WORD = "<dynamics><spring_stiffness>3</spring_stiffness></dynamics>"
             "joint[j].spring_stiffness = '3': must be 0; springs are not supported",
         ),
         (model(link("a") + motor(0, "")), "plugin[motor].linkName = '(missing)'"),
-        (model(link("a") + motor(0, "x")), "rotors[x].link = 'x': must be one of base"),
-        (model(link("a") + motor(0, "a") * 2), "rotors.name = 'a': stands at two rotors"),
+        (model(link("a") + motor(0, "x", "")), "rotors[x].link = 'x': must be one of base"),
+        (model(link("a") + motor(0, "a", "") * 2), "rotors.name = 'a': stands at two rotors"),
+        (model(link("a") + motor(0, "a")), "plugin[motor].jointName = 'spin': must be a joint of the file: it has no"),
+        (
+            model(link("a") + link("r") + joint("turn", "a", "r") + motor(0)),
+            "plugin[motor].jointName = 'spin': must be a joint of the file: turn",
+        ),
+        (
+            model(link("a", '<pose relative_to="x"/>')),
+            "pose of a: relative_to = 'x': must be a link, frame, joint or model",
+        ),
+        (
+            model('<pose relative_to="x"/>' + link("a")),
+            "model[m].pose.relative_to = 'x': must be left out, or be a name of the world",
+        ),
         (model('<link name="a"><inertial auto="true"/></link>'), "link[a].inertial.auto = 'true': must be false"),
         (model(link("a"), "1.3"), "root element = 'sdf version 1.3': must be <sdf> of version 1.4 to 1.12"),
         (model('<include><uri>model://../x</uri></include>'), "include.uri = 'model://../x': must be model://NAME"),
@@ -271,6 +284,14 @@ def test_refusal_in_one_line(tmp_path, text, words):
     with pytest.raises(VehicleError, match=f"^{re.escape(f'{path}: {words}')}") as error:
         load_vehicle(path)
     assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize("start", ["pad", "pad::top", "world", "rig"])
+def test_a_model_may_stand_at_what_is_in_its_world(tmp_path, start):
+    pad = f'<model name="pad"><static>1</static>{link("top")}</model><frame name="rig"/>'
+    vehicle = f'<model name="m"><pose relative_to="{start}"/>{link("a")}</model>'
+    path = written(tmp_path, f'<sdf version="1.9"><world name="w">{pad}{vehicle}</world></sdf>')
+    assert float(load_vehicle(path).mass) == 1
 
 
 def test_what_is_not_read_is_noted_and_a_polynomial_is_no_thrust_coefficient(tmp_path):

@@ -123,6 +123,25 @@ def test_properties_give_rotors_whose_sense_the_user_states(tmp_path: Path) -> N
     assert float(first.moment_coefficient) == pytest.approx(0.024, rel=1e-12)
 
 
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ('kf="5e-10"', 'kf="0"', r"kf of <properties>: rotors\[prop0_link\].thrust_coefficient = 0.0: must be above 0"),
+        (
+            'kf="5e-10"',
+            'kf="-1"',
+            r"kf of <properties>: rotors\[prop0_link\].thrust_coefficient = -91.*: must be above",
+        ),
+        ('km="1.2e-11"', 'km="-1"', r"km of <properties>: rotors\[prop0_link\].moment_coefficient = -.*: must be at"),
+        ('weight="2.5"', 'weight="-2"', r"thrust2weight of <properties>: rotors\[prop0_link\].max_thrust = -7.848"),
+    ],
+)
+def test_properties_that_no_rotor_has_are_refused_beside_gaps(tmp_path: Path, old: str, new: str, words: str) -> None:
+    with pytest.raises(VehicleError, match=rf"^\S+: {words}") as refused:
+        loaded(tmp_path, PROPERTIES.replace(old, new))
+    assert "\n" not in str(refused.value)
+
+
 def thruster(number: int, carrier: str, place: str, axis: int) -> str:
     return f"""<joint name="rotor{number}" type="continuous"><limit effort="100" lower="1" upper="9" velocity="0.5"/>
       <parent link="{carrier}"/><child link="thrust{number}"/><origin xyz="{place}" rpy="0.1 0 0"/>
@@ -160,6 +179,9 @@ def test_rotors_on_an_arm_are_gaps_that_name_the_joint(tmp_path: Path) -> None:
     assert any(
         'rotor3: ride on a link that joint swing moves; hold it: [[joints]] name = "swing"' in g for g in vehicle.gaps
     )
+    assert all("yours to choose" in gap for gap in vehicle.gaps if "ride on" in gap)
+    with pytest.raises(VehicleError, match=r"rotors\[rotor1\].max_thrust = -9.0: must be above 0"):
+        loaded(tmp_path, robot(*JSK).replace('upper="9"', 'upper="-9"', 1))
 
 
 PLUGIN = '<gazebo><plugin name="{}" filename="{}">{}</plugin></gazebo>'
@@ -336,6 +358,12 @@ def test_a_xacro_file_is_expanded_with_its_arguments(macros: Path) -> None:
             loaded(macros, text, suffix=".xacro")
         assert error in str(refused.value)
         assert "\n" not in str(refused.value)
+    cure = str(refused.value).partition("its arguments: ")[2]
+    whole, table = cure.split(" and in the table ")
+    assert (whole, table) == ('schema = 1, name = "v", urdf = "r.xacro"', "[xacro] NAME = VALUE")
+    (macros / "r.xacro").write_text(MACROS, "utf-8")
+    (macros / "w.toml").write_text(f"{whole}, {table}".replace(", ", "\n").replace("] NAME = VALUE", "]\nmass = 0.9"))
+    assert float(load_vehicle(macros / "w.toml").mass) == pytest.approx(1.8)
 
 
 def test_without_the_package_one_line_names_the_extra(macros: Path, monkeypatch: pytest.MonkeyPatch) -> None:

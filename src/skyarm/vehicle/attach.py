@@ -39,16 +39,24 @@ class Mount:
     field: str = "attach"
 
 
+OF_JOINTS = ("mimics", "drives", "faults", "speeds")
+"""Fields of bodies that hold what their joints have."""
+
 FrameOrLook = TypeVar("FrameOrLook", Frame, Look)
+
+
+def at_origin(link: int = BASE, name: str = "") -> Frame:
+    """Frame of a link or the base itself."""
+    return Frame(name=name, link=link, position=ZERO3)
 
 
 def place_in(bodies: RigidBodies, name: str, field: str) -> Frame:
     """Find a named link or frame: index of the body that carries it, and its pose in that body."""
     names = [link.name for link in bodies.links]
     if name in ("base", bodies.root):
-        return Frame(name=name, link=BASE, position=Vec3(0, 0, 0))
+        return at_origin(name=name)
     if name in names:
-        return Frame(name=name, link=names.index(name), position=Vec3(0, 0, 0))
+        return at_origin(names.index(name), name)
     for frame in bodies.frames:
         if frame.name == name:
             return frame
@@ -58,7 +66,7 @@ def place_in(bodies: RigidBodies, name: str, field: str) -> Frame:
 
 def posed_in(frame: Frame, R: Mat3, p: Vec3, name: str = "") -> Frame:
     """Frame with a given pose (m) relative to another frame of the same moving body."""
-    position = description.vector([float(c) for c in frame.position + frame.rotation.apply(p)])
+    position = description.vector(frame.position + frame.rotation.apply(p))
     return Frame(name=name, link=frame.link, position=position, rotation=description.rotation(frame.rotation @ R))
 
 
@@ -74,10 +82,8 @@ def attach(airframe: RigidBodies, arm: RigidBodies, mount: Mount) -> RigidBodies
         VehicleError: no such link, or a name that stands in both.
     """
     seat = posed_in(place_in(airframe, mount.to, f"{mount.field}.to"), mount.rotation, mount.position)
-    kept: tuple[str, ...] = ()
     if arm.pose != (Mat3.identity(), ZERO3):
         seat = posed_in(seat, *arm.pose)
-        kept = (f"{arm.name}: body {arm.root} stands moved or turned in its file and keeps that pose on the airframe",)
     named = _with_prefix(arm, mount.prefix)
     root = [] if named.root == "base" else [replace(seat, name=named.root)]
     _require_new_names(airframe, named, [frame.name for frame in root], mount)
@@ -97,6 +103,7 @@ def attach(airframe: RigidBodies, arm: RigidBodies, mount: Mount) -> RigidBodies
 
     load = named.base.transform(seat.rotation, seat.position)
     base, links = airframe.base, list(airframe.links)
+    of_joints: dict[str, Any] = {word: {**getattr(airframe, word), **getattr(named, word)} for word in OF_JOINTS}
     if seat.link == BASE:
         base = description.body([base, load])
     else:
@@ -106,12 +113,9 @@ def attach(airframe: RigidBodies, arm: RigidBodies, mount: Mount) -> RigidBodies
         base=base,
         links=(*links, *map(mount_link, named.links)),
         frames=(*airframe.frames, *root, *map(move, named.frames)),
-        mimics={**airframe.mimics, **named.mimics},
-        notes=(*airframe.notes, *(f"{arm.name}: {note}" for note in arm.notes), *kept),
+        notes=(*airframe.notes, *(f"{arm.name}: {note}" for note in arm.notes)),
         looks=(*airframe.looks, *map(move, named.looks)),
-        drives={**airframe.drives, **named.drives},
-        faults={**airframe.faults, **named.faults},
-        speeds={**airframe.speeds, **named.speeds},
+        **of_joints,
     )
 
 
@@ -372,7 +376,8 @@ def _line(kind: str, text: str, names: list[str]) -> str:
     if not names:
         return printable(text)
     listed = ", ".join(names[:SHOWN]) + (f" and {len(names) - SHOWN} more" if len(names) > SHOWN else "")
-    return printable(f"{kind}{'s' if len(names) > 1 else ''} {listed}: {text}")
+    many = f"{kind[:-1]}ies" if kind.endswith("y") else f"{kind}s"
+    return printable(f"{many if len(names) > 1 else kind} {listed}: {text}")
 
 
 class BodyTree:
@@ -394,7 +399,7 @@ class BodyTree:
         """Add a link with its joint to the body ``parent``; returns the link's frame."""
         self.links.append(Link(name=name, parent=parent, joint=joint, body=Body(mass=0)))
         self.parts.append([])
-        return Frame(name="", link=len(self.links) - 1, position=Vec3(0, 0, 0))
+        return at_origin(len(self.links) - 1)
 
     def add_body(self, link: int, body: Body) -> None:
         """Add a mass, expressed in the axes of a link or the base, to that link or base."""

@@ -83,7 +83,7 @@ def inertia(field: str, inertia_com: Sym3, *, planar: bool, least: float = 0.0) 
 
 def nearest_inertia(inertia: Sym3) -> Sym3:
     """Nearest physically consistent inertia (kg m^2) about the same centre of mass in the same axes."""
-    given = np.array([[float(each) for each in row] for row in inertia.full().rows])
+    given = np.array(inertia.full().rows, float)
     values, axes = np.linalg.eigh(0.5 * np.trace(given) * np.eye(3) - given)
     second = (axes * np.maximum(values, 0.0)) @ axes.T
     found = np.trace(second) * np.eye(3) - second
@@ -102,8 +102,8 @@ def rising(field: str, column: Sequence[Scalar], why: str = "") -> None:
 
 def principal_moments(inertia_com: Sym3) -> list[float]:
     """Principal moments of inertia (kg m^2) in ascending order."""
-    rows = [[float(each) for each in row] for row in inertia_com.full().rows]
-    return [float(each) for each in np.linalg.eigvalsh(np.array(rows))]
+    moments: list[float] = np.linalg.eigvalsh(np.array(inertia_com.full().rows, float)).tolist()
+    return moments
 
 
 def unused_name(name: str, taken: Sequence[str]) -> str:

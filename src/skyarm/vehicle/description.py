@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import heapq
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 from skyarm.algebra import Mat3, Quaternion, Sym3, Vec3
@@ -28,7 +28,7 @@ def zero_is_structure(value: float) -> int | float:
     return 0 if value == 0.0 else float(value)
 
 
-def vector(values: Sequence[float]) -> Vec3:
+def vector(values: Iterable[Any]) -> Vec3:
     """Vector of three numbers, in which exact zeros and ones become constants of compiled code."""
     return Vec3.from_numbers([float(value) for value in values])
 
@@ -61,6 +61,15 @@ def rotation_rpy(rpy: Sequence[float]) -> Mat3:
     return rotation(euler_rotation(tuple(map(math.sin, rpy)), tuple(map(math.cos, rpy))))
 
 
+def unit_quaternion(R: Mat3) -> list[float]:
+    """Unit quaternion w, x, y, z of a rotation matrix.
+
+    Source: Shepperd 1978, Quaternion from rotation matrix: by the largest of the four components.
+    """
+    row = max(quaternion_products(R.rows), key=lambda each: math.hypot(*each))
+    return [float(each) / math.hypot(*row) for each in row]
+
+
 def rotation_quaternion(field: str, wxyz: Sequence[float]) -> Mat3:
     """Rotation matrix of a quaternion, whose length must be 1 to 1e-6."""
     length = math.hypot(*wxyz)
@@ -83,7 +92,7 @@ def quaternion_products(R: Any) -> list[list[Any]]:
     return [[w, a, b, c], [a, x, d, e], [b, d, y, f], [c, e, f, z]]
 
 
-def inertia(values: Sequence[float]) -> Sym3:
+def inertia(values: Iterable[Any]) -> Sym3:
     """Inertia matrix (kg m^2) from entries xx yy zz or xx yy zz xy xz yz."""
     return Sym3.from_numbers(*map(float, values))
 
@@ -95,8 +104,8 @@ def body(parts: Sequence[Body]) -> Body:
     whole = weighed[0] if len(weighed) == 1 else Body.of_parts(weighed)
     return Body(
         mass=float(whole.mass),
-        com=vector([float(c) for c in whole.com]),
-        inertia=inertia([float(c) for c in whole.inertia.entries]),
+        com=vector(whole.com),
+        inertia=inertia(whole.inertia.entries),
         planar=any(part.planar for part in parts),
     )
 

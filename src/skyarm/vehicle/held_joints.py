@@ -6,9 +6,8 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import TypeVar
 
-from skyarm.algebra import Vec3
 from skyarm.vehicle import description
-from skyarm.vehicle.attach import RigidBodies, follow, held_pose, posed_in
+from skyarm.vehicle.attach import RigidBodies, at_origin, follow, held_pose, posed_in
 from skyarm.vehicle.linkage import BASE, Body, Link
 from skyarm.vehicle.vehicle_records import Frame, Look
 
@@ -29,7 +28,7 @@ def hold_joints(bodies: RigidBodies, values: Mapping[str, float]) -> RigidBodies
         leader = follow(name, bodies.mimics)
         if leader.joint in values:
             held.setdefault(name, leader.ratio * values[leader.joint] + leader.offset)
-    seats: dict[int, Frame] = {BASE: _origin(BASE)}
+    seats = {BASE: at_origin()}
     links: list[Link] = []
     parts: list[list[Body]] = [[bodies.base]]
     frames: list[Frame] = []
@@ -41,7 +40,7 @@ def hold_joints(bodies: RigidBodies, values: Mapping[str, float]) -> RigidBodies
             parts[seat.link + 1].append(link.body.transform(seat.rotation, seat.position))
             frames.append(seat)
         else:
-            seat = _origin(len(links))
+            seat = at_origin(len(links))
             parts.append([link.body])
             links.append(
                 replace(link, parent=at.link, joint=replace(joint, position=at.position, rotation=at.rotation))
@@ -63,7 +62,3 @@ def hold_joints(bodies: RigidBodies, values: Mapping[str, float]) -> RigidBodies
         drives={name: each for name, each in bodies.drives.items() if name not in held},
         faults={fault: joints - held.keys() for fault, joints in bodies.faults.items() if joints - held.keys()},
     )
-
-
-def _origin(link: int) -> Frame:
-    return Frame(name="", link=link, position=Vec3(0, 0, 0))

@@ -9,6 +9,7 @@ name; what acts on joints only is refused where these are not held.
 from __future__ import annotations
 
 import math
+import xml.etree.ElementTree as ET
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -18,14 +19,14 @@ from skyarm.algebra import ZERO3, Mat3, Quaternion, Sym3, Vec3
 from skyarm.records.arrays import Array
 from skyarm.records.files import one_line
 from skyarm.vehicle import description
-from skyarm.vehicle.attach import BodyTree, Mimic, Notes, RigidBodies, follow, held_pose, posed_in
+from skyarm.vehicle.attach import BodyTree, Mimic, Notes, RigidBodies, at_origin, follow, held_pose, posed_in
 from skyarm.vehicle.check import VehicleError, refuse
-from skyarm.vehicle.linkage import BASE, Body, Joint
+from skyarm.vehicle.linkage import Body, Joint
 from skyarm.vehicle.mjcf_actuators import AT_JOINT, effort_of, name_of, read_drives
 from skyarm.vehicle.rotor_sources.mujoco_thrust import SITE, MujocoVehicle
 from skyarm.vehicle.stated_rotors import RotorFile, rotors_in
 from skyarm.vehicle.vehicle_records import Frame
-from skyarm.vehicle.xml_elements import read_xml
+from skyarm.vehicle.xml_elements import finite, read_xml
 
 if TYPE_CHECKING:
     from mujoco import MjData, MjModel
@@ -74,7 +75,7 @@ def read_mjcf(path: Path, mimic: str = "lock", base: str = "") -> RigidBodies:
     for body in left_out:
         notes.add("fixed to the world beside the vehicle; not read", name_of(model, "body", body), "part")
     tree = _Tree(model, mimic == "couple", notes)
-    tree.seats[root] = Frame(name="", link=BASE, position=Vec3(0, 0, 0))
+    tree.seats[root] = at_origin()
     rotors = rotors_in(RotorFile(path, MujocoVehicle(model, _at_rest(model, root), root, notes)))
     tree.of_rotors = {name for each in rotors for name in (each.joint, each.tilt_joint)}
     tree.carrying = {each.link for each in rotors}
@@ -89,24 +90,47 @@ def read_mjcf(path: Path, mimic: str = "lock", base: str = "") -> RigidBodies:
     pose = (Mat3.identity(), ZERO3)
     if root and not _joints(model, root):
         pose = (_rotation(model.body_quat[root]), _vector(model.body_pos[root]))
+    if pose != (Mat3.identity(), ZERO3):
+        why = "moved or turned in its file, a pose that it keeps where [[attach]] names this file, and not elsewhere"
+        notes.add(why, bodies.root, "body")
     movable = {link.joint.name for link in tree.links} | tree.balls
     acting = {fault: joints & movable for fault, joints in faults.items() if joints & movable}  # the others are fixed
     return replace(bodies, rotors=rotors, drives=drives, pose=pose, faults=acting, notes=notes.lines())
 
 
+NUMBERS = (
+    "pos quat axis axisangle euler xyaxes zaxis fromto size mass density diaginertia fullinertia ref damping armature "
+    "frictionloss stiffness range actuatorfrcrange gear ctrlrange forcerange gainprm biasprm dynprm kp kv timeconst"
+)
+"""Attributes with the numbers of a vehicle; MuJoCo takes NaN in some of them for one that is left out."""
+
+
+def _require_finite(root: ET.Element) -> None:
+    """Raise an error for a number that is not finite; a range may have no end."""
+    for parent in root.iter():
+        for element in parent:
+            field = f"{element.tag}[{element.get('name') or parent.get('name', '')}]"
+            for word in NUMBERS.split():
+                for text in element.get(word, "").split():
+                    finite(text, f"{field}.{word}", infinite=word.endswith("range"))
+
+
 def _compile(path: Path, notes: Notes) -> MjModel:
-    """Compile an MJCF file to MuJoCo's model; warnings are silenced, and an error is shortened to one line."""
+    """Compile an MJCF file to MuJoCo's model; an error is shortened to one line, NaN in included files is refused."""
     root = read_xml(path, notes.add)
     if root.tag != "mujoco":
         refuse("root element", root.tag, "must be <mujoco>; a URDF file's name ends in .urdf")
+    _require_finite(root)
     import mujoco
 
-    usual = mujoco.get_mju_user_warning()
-    mujoco.set_mju_user_warning(_ignore)
+    usual, warnings = mujoco.get_mju_user_warning(), list[str]()
+    mujoco.set_mju_user_warning(warnings.append)
     try:
         str(path).encode()
         model = mujoco.MjModel.from_xml_path(str(path))
         model.names.decode()  # MuJoCo takes bytes that are not UTF-8
+        if any("NaN" in each for each in warnings):
+            raise ValueError(warnings[0])
         return model
     except ValueError as error:
         raise VehicleError(f"MJCF = {one_line(str(error))!r}: must be a model that MuJoCo loads") from None
@@ -125,10 +149,6 @@ def _at_rest(model: MjModel, root: int) -> MjData:
     return data
 
 
-def _ignore(text: str) -> None:
-    """Discard a warning of MuJoCo."""
-
-
 def _root(model: MjModel, wanted: str, notes: Notes) -> tuple[int, list[int]]:
     """Body that becomes the base (0 for the world), and other bodies of the world, which are not read.
 
@@ -138,7 +158,7 @@ def _root(model: MjModel, wanted: str, notes: Notes) -> tuple[int, list[int]]:
     top = {body: name_of(model, "body", body) for body in range(1, int(model.nbody)) if not model.body_parentid[body]}
     own = {body: [kind_of(model, joint) for joint in _joints(model, body)] for body in top}
     free = [body for body in top if "free" in own[body]]
-    moving = [body for body in top if body not in free and any(_joints(model, each) for each in _subtree(model, body))]
+    moving = [body for body in top if body not in free and body in model.body_rootid[model.jnt_bodyid]]
     heavy = [body for body in top if model.body_subtreemass[body] and model.body_mocapid[body] < 0]
     chosen = [body for body in top if top[body] == wanted] if wanted else free or moving or heavy or list(top)
     listed = ", ".join(f"{top[body]} ({float(model.body_subtreemass[body]):.6g} kg)" for body in top)
@@ -155,15 +175,6 @@ def _root(model: MjModel, wanted: str, notes: Notes) -> tuple[int, list[int]]:
         return 0, []
     root = chosen[0] if chosen and own[chosen[0]] in ([], ["free"]) else 0
     return root, [body for body in top if body not in chosen]
-
-
-def _subtree(model: MjModel, body: int) -> list[int]:
-    """A body of a MuJoCo model and all its descendants, as body numbers."""
-    bodies = [body]
-    for each in range(body + 1, int(model.nbody)):
-        if int(model.body_parentid[each]) in bodies:
-            bodies.append(each)
-    return bodies
 
 
 def _joints(model: MjModel, body: int) -> list[int]:

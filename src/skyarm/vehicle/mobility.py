@@ -14,9 +14,10 @@ from typing import Any
 import numpy as np
 
 from skyarm.algebra import Mat3, Scalar, Vec3
-from skyarm.records.arrays import AnyArray, Array, doubles
+from skyarm.records.arrays import Array, doubles
 from skyarm.records.coerce import concrete
 from skyarm.records.leaves import leaves
+from skyarm.vehicle.check import principal_moments
 from skyarm.vehicle.linkage import Body, Joint, Linkage
 
 SINGULAR = 1e-12
@@ -42,7 +43,7 @@ def what_does_not_move(value: Linkage) -> tuple[str, Any, str] | None:
             f"must move mass outward of it (the mass matrix is singular at joint values [{at}]), or its drive "
             f'must have inertia: [[joints]] name = "{field[len("joints[") : -1]}", armature = 1e-4 beside another file',
         )
-    if value.base.mass > 0 and _moments(value.base)[0] > 0.0:
+    if value.base.mass > 0 and principal_moments(value.base.inertia)[0] > 0.0:
         # the base alone moves along and about every axis: only rounding hides that
         allowed = "must not hide the base's inertia (the mass matrix is singular to rounding or overflows)"
         return "base.mass", value.base.mass, allowed
@@ -70,21 +71,16 @@ def _joint_values(vehicle: Linkage, turn: int) -> tuple[float, ...]:
     return tuple(_joint_value(link.joint, turn, index) for index, link in enumerate(vehicle.links))
 
 
-def _moments(body: Body) -> AnyArray:
-    """Principal moments (kg m^2) of a body's inertia, in ascending order."""
-    return np.linalg.eigvalsh(_matrix(body.inertia.full()))
-
-
 def _solid(body: Body) -> bool:
     """True if a body has positive mass and a positive definite inertia."""
-    moments = _moments(body)
+    moments = principal_moments(body.inertia)
     return bool(body.mass > 0 and moments[0] > 1e-9 * moments[2])
 
 
 def _joint_value(joint: Joint, turn: int, index: int) -> float:
     """Value of a joint in a test posture: zero (or the nearest limit) in posture 0, irregular in the others."""
     free = 0.0 if turn == 0 else 0.2 + ((turn * 7 + index * 3 + 1) * GOLDEN) % 1.0
-    lower, upper = _numbers(joint.lower, joint.upper)
+    lower, upper = joint.ends
     return min(max(free, lower), upper)
 
 

@@ -30,7 +30,8 @@ def own_vehicle_file(file: str, name: str, tip: str = "") -> tuple[str, bool]:
     if tip:
         frames = {each.name: each for each in (place_in(bodies_of(vehicle), tip, "--tip"), *vehicle.frames)}
         vehicle = replace(vehicle, frames=tuple(frames.values()), end_effector=tip)
-    notes = dict(vehicle.sources) | {"base.mass": f"{path.name}: its root and what is fixed to it"}
+    notes = {"rotors.inertia": f"{path.name}: links of the rotors, about their axes", **dict(vehicle.sources)}
+    notes |= {"base.mass": f"{path.name}: its root and what is fixed to it"}
     for link in vehicle.moving:
         notes |= {f"links.{link.name}.mass": path.name, f"links.{link.name}.joint.name": path.name}
     head = [f"Written by: skyarm new vehicle {name} --from {file}", *vehicle.notes]

@@ -9,7 +9,7 @@ from functools import partial
 from typing import Any, get_args
 
 from skyarm.algebra import Vec3
-from skyarm.records.files import Fields
+from skyarm.records.files import Fields, errors_as
 from skyarm.records.immutable import positional
 from skyarm.records.read_table import numbers_from, record_from
 from skyarm.vehicle import description
@@ -136,10 +136,12 @@ def mount_rotors(bodies: RigidBodies, tables: RotorTables) -> MountedRotors:
         name: _merge(tables.usual, {**_spin(bodies, origin), **origin.values}, tables.own.get(name, {}))
         for name, origin in origins.items()
     }
+    for name, origin in whole.items():
+        _require_numbers(origin, values[name])
     still = _without_spin(bodies, (*stated.values(), *origins.values()))
     of_arm = {each.joint or _joint_of(bodies, each.link) for each in origins.values()}
     for joint in (each.joint for each in bodies.links if each.joint.name in of_arm):
-        if math.isfinite(joint.lower) or math.isfinite(joint.upper):
+        if any(map(math.isfinite, joint.ends)):
             notes += (f"joint {joint.name}: held although it has limits, for it moves the link of a rotor",)
     gaps = list(_gaps(still, origins if tables.whole else whole, values))
     if gaps and (tables.own or tables.usual):
@@ -200,6 +202,15 @@ def _spin(bodies: RigidBodies, rotor: StatedRotor) -> Values:
     return {}
 
 
+def _require_numbers(rotor: StatedRotor, values: Values) -> None:
+    """Raise an error for a number of a file that no rotor can have, also where it lacks others."""
+    for name, source in rotor.where.items():
+        stated = Fields({name: values.get(name)}, f"rotors[{rotor.name}]")
+        with errors_as(VehicleError, f"{source}: "):
+            numbers_from(Rotor, stated, partial=True)
+            stated.number(MAX_THRUST, 1.0, low=0.0, strict=True)
+
+
 def _gaps(bodies: RigidBodies, rotors: Mapping[str, StatedRotor], values: Mapping[str, Values]) -> list[str]:
     """Lines on what the rotors of a file lack: the rotors, the missing fields and where to state them."""
     missing: dict[str, list[str]] = {}
@@ -227,10 +238,11 @@ def _joints_below(bodies: RigidBodies, link: int) -> list[str]:
 def _rides_on(joints: Sequence[str]) -> str:
     """Words on joints that move a rotor, and how to hold them."""
     first, *others = dict.fromkeys(joints)
-    hold = f'[[joints]] name = "{first}", hold = 0.0'
+    hold = f'[[joints]] name = "{first}", hold = 0.0 (rad or m, yours to choose'
     if not others:
-        return f"ride on a link that joint {first} moves; hold it: {hold}"
-    return f"ride on links that joints {', '.join((first, *others))} move; hold each at an angle for flight: {hold}"
+        return f"ride on a link that joint {first} moves; hold it: {hold})"
+    moving, up = ", ".join((first, *others)), "such that all thrusts together point up, which 0 everywhere need not do"
+    return f"ride on links that joints {moving} move; hold each at an angle for flight: {hold}, {up})"
 
 
 def _rotor(bodies: RigidBodies, origin: StatedRotor, values: Values) -> Rotor:
@@ -246,13 +258,10 @@ def _rotor(bodies: RigidBodies, origin: StatedRotor, values: Values) -> Rotor:
             seat.name,
             f"must be fixed to the base; joint {bodies.links[seat.link].joint.name} moves it",
         )
-    position: Any
-    place, position = (of_base, values.pop("position")) if "position" in values else (seat, origin.position)
-    if place.name not in ("base", bodies.root):
-        position = description.vector(list(place.position + place.rotation.apply(position)))
-    place, thrust_axis = (of_base, values.pop("axis")) if "axis" in values else (seat, origin.axis)
-    if place.name not in ("base", bodies.root):
-        thrust_axis = description.unit_axis(f"{where}.axis", list(place.rotation.apply(thrust_axis)))
+    place, hub = (of_base, values.pop("position")) if "position" in values else (seat, origin.position)
+    position = description.vector(place.position + place.rotation.apply(hub))
+    place, axis = (of_base, values.pop("axis")) if "axis" in values else (seat, origin.axis)
+    thrust_axis = description.unit_axis(f"{where}.axis", list(place.rotation.apply(axis)))
     table: ThrustTable | None = values.get("table")
     if table is not None:
         for needed in COEFFICIENTS if table.torque else COEFFICIENTS[:1]:
@@ -264,6 +273,6 @@ def _rotor(bodies: RigidBodies, origin: StatedRotor, values: Values) -> Rotor:
         if needed not in values:
             raise VehicleError(f"{where}.{needed}: is missing: must stand here or in rotor_defaults")
     if "tilt" in values:
-        axis = values["tilt"].get("axis") or arm_direction(f"{where}.tilt", position, thrust_axis)
-        values["tilt"] = Tilt(**values["tilt"] | {"axis": axis})
+        turning = values["tilt"].get("axis") or arm_direction(f"{where}.tilt", position, thrust_axis)
+        values["tilt"] = Tilt(**values["tilt"] | {"axis": turning})
     return Rotor(name=name, position=position, axis=thrust_axis, **values)

@@ -16,13 +16,12 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from skyarm.algebra import ZERO3, Mat3, Vec3
+from skyarm.algebra import Mat3, Vec3
 from skyarm.records.files import PathLike, errors_as
 from skyarm.records.immutable import positional
 from skyarm.vehicle import description
-from skyarm.vehicle.attach import Notes, RigidBodies, posed_in
+from skyarm.vehicle.attach import Notes, RigidBodies, at_origin, posed_in
 from skyarm.vehicle.check import VehicleError, refuse
-from skyarm.vehicle.linkage import BASE
 from skyarm.vehicle.rotor_sources.own_files import OWN
 from skyarm.vehicle.urdf import read_robot
 from skyarm.vehicle.vehicle_records import Frame
@@ -44,7 +43,7 @@ TRUE = ("1", "true", "True", "TRUE")
 ROOT = "__model__"
 """Name by which every model knows its own frame, and the tree that of the vehicle."""
 
-ORIGIN = Frame(name="", link=BASE, position=ZERO3)
+ORIGIN = at_origin()
 
 
 @positional
@@ -102,6 +101,9 @@ def _vehicle(path: Path, base: str, notes: Notes) -> tuple[ET.Element, _Scope]:
     if len(chosen) != 1 or (missing and not base and not moving):  # a model that is missing, and not the ground
         cure = 'a TOML file with sdf = "FILE" and base = "NAME" names it'
         refuse("models", names, f"must be one, the vehicle; {cure}{missing}")
+    start, around = _inner(chosen[0][0], "pose").get("relative_to", ""), [each for each, _ in models]
+    if start.partition("::")[0] not in ("", "world", *(each.get("name") for each in around + sdf.findall("world/*"))):
+        refuse(f"model[{names[0]}].pose.relative_to", start, "must be left out, or be a name of the world")
     return chosen[0]
 
 
@@ -256,6 +258,9 @@ class _Tree:
             link = self._link_of(frame, f"frame[{frame}].attached_to")
             ET.SubElement(robot, "link", name=frame)
             _connect(robot, f"{frame} frame", "fixed", (link, frame), (self._at(link), self._at(frame)))
+        for each in self.frames:  # also the root's, which moves nothing
+            with errors_as(VehicleError, f"pose of {each}: "):
+                self._at(each)
         robot.extend(self.plugins)
         return robot
 
@@ -346,10 +351,9 @@ def _text_of(values: Iterable[Any]) -> str:
 
 
 def _set_origin(urdf: ET.Element, R: Mat3, p: Vec3) -> None:
-    """Give a URDF element its pose; of the rows of quaternion products the longest keeps the most digits."""
-    w, *xyz = max(description.quaternion_products(R.rows), key=lambda row: math.hypot(*row))
-    length = math.hypot(w, *xyz)
-    ET.SubElement(urdf, "origin", xyz=_text_of(p), quat_xyzw=_text_of(each / length for each in (*xyz, w)))
+    """Give a URDF element its pose."""
+    w, *xyz = description.unit_quaternion(R)
+    ET.SubElement(urdf, "origin", xyz=_text_of(p), quat_xyzw=_text_of((*xyz, w)))
 
 
 def _connect(robot: ET.Element, name: str, kind: str, ends: tuple[str, str], poses: tuple[Frame, Frame]) -> ET.Element:

@@ -56,7 +56,7 @@ def with_stops(vehicle: Vehicle, own: Collection[str] = ()) -> Vehicle:
 
 
 def _has_limits(joint: Joint) -> bool:
-    return math.isfinite(joint.lower) or math.isfinite(joint.upper)
+    return any(map(math.isfinite, joint.ends))
 
 
 def _stiffness(joint: Joint, ease: float) -> float:

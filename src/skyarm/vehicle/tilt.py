@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from typing import Annotated
+from collections.abc import Iterable
+from typing import Annotated, Any
 
 from skyarm.algebra import Scalar, Vec3
 from skyarm.records.coerce import concrete, number, unit_vector
@@ -55,7 +55,7 @@ class Tilt:
             refuse(f"{field}.lower", self.lower, f"must be below upper = {self.upper!r}")
 
 
-def arm_direction(field: str, position: Sequence[float], thrust_axis: Vec3) -> Vec3:
+def arm_direction(field: str, position: Iterable[Any], thrust_axis: Vec3) -> Vec3:
     """Usual tilt axis of a rotor: direction from the base's origin to the hub, perpendicular to the thrust.
 
     Raises:

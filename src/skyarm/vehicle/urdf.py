@@ -22,7 +22,7 @@ from skyarm.records.files import PathLike
 from skyarm.records.files.stl_mesh import FARTHEST, METRES, read_corners
 from skyarm.records.immutable import positional
 from skyarm.vehicle import description
-from skyarm.vehicle.attach import BodyTree, Mimic, Notes, RigidBodies, follow, held_pose, posed_in
+from skyarm.vehicle.attach import BodyTree, Mimic, Notes, RigidBodies, at_origin, follow, held_pose, posed_in
 from skyarm.vehicle.check import refuse
 from skyarm.vehicle.inertia_repair import with_real_inertias
 from skyarm.vehicle.linkage import BASE, Body, Joint
@@ -30,7 +30,7 @@ from skyarm.vehicle.rotor_sources.own_files import OWN
 from skyarm.vehicle.rotor_tables import RotorTables, mount_rotors
 from skyarm.vehicle.stated_rotors import RotorFile, rotors_in
 from skyarm.vehicle.stops import with_smooth_friction, with_stops
-from skyarm.vehicle.vehicle_records import Frame, Look, Vehicle
+from skyarm.vehicle.vehicle_records import Look, Vehicle
 from skyarm.vehicle.vehicle_tables import drives_of_file
 from skyarm.vehicle.xacro_files import expand_xacro
 from skyarm.vehicle.xml_elements import child, number, numbers, numbers_of, parse_xml, required_numbers
@@ -129,7 +129,7 @@ def _bodies(robot: ET.Element, mimic: str, notes: Notes, path: Path, spun: Conta
     order = description.tree_order(parents, root, "parent of link[{}]")
     root, order = _without_freedom([root, *order], parents, file, notes)
     tree = BodyTree(file.mimics, notes)
-    seats = {root: Frame(name="", link=BASE, position=ZERO3)}
+    seats = {root: at_origin()}
     for name in order:
         joint = file.above[name]
         at = posed_in(seats[parents[name]], *origin_of(joint, f"joint[{joint.get('name')}]"), name)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 from types import MappingProxyType
@@ -16,7 +15,7 @@ from skyarm.records.read_table import record_entry
 from skyarm.records.registry.registrations import name_of
 from skyarm.records.units import scalars
 from skyarm.vehicle.check import VehicleError
-from skyarm.vehicle.description import quaternion_products
+from skyarm.vehicle.description import unit_quaternion
 from skyarm.vehicle.linkage import BASE, Body, Follower, Joint, Link
 from skyarm.vehicle.rotor_tables import COEFFICIENTS
 from skyarm.vehicle.thrust_table import ThrustTable
@@ -141,7 +140,7 @@ def _thrust_table(rotor: Rotor, table: ThrustTable) -> Table:
 
 
 def _body(body: Body) -> Table:
-    entries = [float(each) for each in body.inertia.entries]
+    entries = list(map(float, body.inertia.entries))
     inertia = entries if any(entries[3:]) else entries[:3]
     return {**_record(body, ("com", "inertia")), "inertia": inertia}
 
@@ -188,18 +187,11 @@ def _record(record: object, always: Collection[str] = ()) -> Table:
 
 
 def _three(vector: Vec3) -> list[float]:
-    return [float(each) for each in vector]
+    return list(map(float, vector))
 
 
 def _orientation(rotation: Mat3) -> Table:
-    """Unit quaternion entry of a rotation matrix for a vehicle file; empty for aligned axes.
-
-    Source: Shepperd 1978, Quaternion from rotation matrix: by the largest of the four components.
-    """
-    R = [[float(each) for each in row] for row in rotation.rows]
-    if R == [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]:
+    """Unit quaternion entry of a rotation matrix for a vehicle file; empty for aligned axes."""
+    if rotation == Mat3.identity():
         return {}
-    rows = quaternion_products(R)
-    row = rows[max(range(4), key=lambda k: rows[k][k])]
-    length = math.hypot(*row)
-    return {"quaternion_wxyz": [each / length for each in row]}
+    return {"quaternion_wxyz": unit_quaternion(rotation)}

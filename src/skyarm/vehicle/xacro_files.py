@@ -32,5 +32,7 @@ def expand_xacro(path: Path, arguments: Mapping[str, str]) -> bytes:
         expanded: str = xacro.process_file(str(path), mappings=dict(arguments)).toxml()
         return expanded.encode()
     except Exception as error:  # of its macros, its expressions and the files that it includes
-        cure = "a vehicle file that names it states its arguments in the table xacro, NAME = VALUE"
-        raise VehicleError(f"xacro: {error}: must expand; {cure}") from None
+        cure = f'schema = 1, name = "v", urdf = "{path.name}" and in the table [xacro] NAME = VALUE'
+        raise VehicleError(
+            f"xacro: {error}: must expand; a file v.toml beside it gives it its arguments: {cure}"
+        ) from None

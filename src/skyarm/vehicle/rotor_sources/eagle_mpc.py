@@ -6,11 +6,17 @@ Source: eagle-mpc, src/multicopter-base-params.cpp.
 
 from __future__ import annotations
 
+import re
+from typing import Any
+
 from skyarm.algebra import Quaternion, Vec3
 from skyarm.records.files import Fields, errors_as, needs_extra, one_line
 from skyarm.vehicle import description
 from skyarm.vehicle.check import VehicleError, refuse
 from skyarm.vehicle.stated_rotors import MAX_THRUST, RotorFile, StatedRotor
+
+EXPONENT = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)[eE][-+]?\d+$")
+"""Numbers such as 1e-6, which YAML 1.1 takes for texts."""
 
 NO_LAG = dict.fromkeys(("time_constant_up", "time_constant_down"), "eagle-mpc's rotors have no lag")
 
@@ -31,7 +37,9 @@ def eagle_mpc_rotors(file: RotorFile) -> tuple[StatedRotor, ...]:
     try:
         import yaml
 
-        top = yaml.safe_load(file.path.read_bytes())
+        loader: Any = type("Loader", (yaml.SafeLoader,), {})
+        loader.add_implicit_resolver("tag:yaml.org,2002:float", EXPONENT, [*"+-.0123456789"])
+        top = yaml.load(file.path.read_bytes(), loader)
     except ImportError:
         refuse("file", name, needs_extra("yaml"))
     except Exception as error:  # yaml's own, encodings, depth

@@ -31,7 +31,7 @@ def jsk_rotors(file: RotorFile) -> tuple[StatedRotor, ...]:
 def _rotor(joint: ET.Element, link: str, root: ET.Element) -> StatedRotor:
     name, rate = joint.get("name", ""), root.find("m_f_rate[@value]")
     values: dict[str, float] = {}
-    if (most := number(joint.find("limit"), "upper", f"joint[{name}].limit", 0.0)) > 0.0:
+    if most := number(joint.find("limit"), "upper", f"joint[{name}].limit", 0.0):
         values[MAX_THRUST] = most
     if rate is not None:
         per_thrust = number(rate, "value", "m_f_rate", 0.0)

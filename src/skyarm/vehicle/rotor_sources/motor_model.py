@@ -8,6 +8,7 @@ MulticopterMotorModel.cc.
 from __future__ import annotations
 
 import xml.etree.ElementTree as ET
+from collections.abc import Sequence
 
 from skyarm.vehicle.check import refuse
 from skyarm.vehicle.stated_rotors import RotorFile, StatedRotor
@@ -31,7 +32,8 @@ def motor_models(file: RotorFile) -> tuple[StatedRotor, ...]:
     """Rotors of the motor-model plugins of a URDF or SDF file, by their motor numbers."""
     if not isinstance(file.content, ET.Element):
         return ()
-    return tuple(map(_rotor, sorted(filter(is_motor, file.content.iter("plugin")), key=_number_of_motor)))
+    root, plugins = file.content, sorted(filter(is_motor, file.content.iter("plugin")), key=_number_of_motor)
+    return tuple(_rotor(plugin, [each.get("name", "") for each in root.findall("joint")]) for plugin in plugins)
 
 
 def blade_rotors(file: RotorFile) -> tuple[StatedRotor, ...]:
@@ -60,7 +62,7 @@ def _number_of_motor(plugin: ET.Element) -> float:
     )
 
 
-def _rotor(plugin: ET.Element) -> StatedRotor:
+def _rotor(plugin: ET.Element, joints: Sequence[str]) -> StatedRotor:
     field, name, values, where, absent = _field(plugin), _text(plugin, "linkName"), {}, {}, {}
     if not name:
         refuse(f"{field}.linkName", "(missing)", "must name the rotor's link")
@@ -77,7 +79,8 @@ def _rotor(plugin: ET.Element) -> StatedRotor:
     if (kind := _text(plugin, "motorType")) not in ("", "velocity"):
         values.pop("thrust_coefficient", None)
         absent["thrust_coefficient"] = f"motorType is {kind}, of which thrust is not motorConstant w^2"
-    joint = _text(plugin, "jointName")
+    if (joint := _text(plugin, "jointName")) not in ("", *joints):
+        refuse(f"{field}.jointName", joint, f"must be a joint of the file: {', '.join(joints) or 'it has none'}")
     return StatedRotor(
         name=name, link=name, values=values, where=where, joint=joint, absent=absent, at_mass=True, elements=(plugin,)
     )
