@@ -153,6 +153,18 @@ def test_a_plugin_names_a_joint_that_is_there(tmp_path):
         load_vehicle(path)
 
 
+def test_a_motor_model_of_positions_is_a_servo_and_no_rotor(tmp_path):
+    """RotorS's motors of the type position turn the arms of its omav: the rotors ride on them."""
+    servo = spinner("boom", (0.1, 0.0, 0.0)) + plugin("boom", 4).replace(
+        "<motorConstant>", "<motorType>position</motorType><motorConstant>"
+    )
+    held = '[[joints]]\nname = "boom_joint"\nhold = 0.0\n'
+    vehicle = loaded(tmp_path, quad(more=(servo,)), held)
+    assert [each.name for each in vehicle.rotors] == list(PLACES)
+    assert "plugin motor_boom: not read" in vehicle.notes
+    assert load_vehicle(tmp_path / "r.urdf").joint_names == ("shoulder", "boom_joint")
+
+
 @pytest.mark.parametrize("word", NEEDED)
 def test_what_the_file_lacks_is_a_gap(tmp_path, word):
     vehicle = load_vehicle(saved(tmp_path, quad([word])))

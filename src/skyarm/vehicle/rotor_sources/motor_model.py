@@ -52,8 +52,12 @@ def blade_rotors(file: RotorFile) -> tuple[StatedRotor, ...]:
 
 
 def is_motor(plugin: ET.Element) -> bool:
-    """True for a motor-model plugin: one that states a motor constant or a turning direction."""
-    return any(plugin.find(mark) is not None for mark in ("motorConstant", "turningDirection"))
+    """True for a motor-model plugin of a rotor, which states a motor constant or a turning direction.
+
+    One whose motorType is position is a servo, as of the arms that tilt the rotors of RotorS's omav.
+    """
+    stated = any(plugin.find(mark) is not None for mark in ("motorConstant", "turningDirection"))
+    return stated and _text(plugin, "motorType") != "position"
 
 
 def _number_of_motor(plugin: ET.Element) -> float:
