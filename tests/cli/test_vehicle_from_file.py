@@ -134,6 +134,36 @@ def test_gaps_are_comments_that_the_file_asks_for_until_they_are_filled(folder, 
     assert load_vehicle("mine.toml").rotors == load_vehicle("whole.urdf").rotors
 
 
+TILTING = """<mujoco><compiler angle="radian"/><worldbody><body name="hull"><freejoint/><geom size="0.1" mass="1"/>
+{}</body></worldbody><actuator>{}</actuator></mujoco>"""
+
+
+@pytest.mark.parametrize("ranges", [[1.1, 1.1, 1.1, 1.1], [1.1, 0.9, 1.1, 0.9], [0, 0, 0, 0]])
+def test_the_gap_of_a_tilt_is_left_out_until_it_is_filled(folder, ranges):
+    bodies, motors = "", ""
+    for k, (place, most) in enumerate(zip(PLACES, ranges, strict=True)):
+        limited = f'range="-{most} {most}"' if most else ""
+        bodies += (
+            f'<body pos="{" ".join(map(str, place))}"><joint name="t{k}" axis="{place[0]} {place[1]} 0" {limited}/>'
+        )
+        bodies += f'<geom size="0.01" mass="0.02"/><site name="s{k}"/></body>'
+        motors += f'<motor site="s{k}" gear="0 0 1 0 0 {0.02 * (-1) ** k}" ctrllimited="true" ctrlrange="0 6"/>'
+        motors += f'<position joint="t{k}" kp="1"/>'
+    saved(folder, TILTING.format(bodies, motors), "t.xml")
+    done = skyarm("new", "vehicle", "mine", "--from", "t.xml")
+    assert done.code == 0, done
+    text = (folder / "mine.toml").read_text("utf-8")
+    assert "# missing: tilt.time_constant" in text
+    assert ("# missing: tilt.upper" in text) == (not ranges[0])
+    refused(skyarm("check", "mine.toml"), "tilt", "is missing")
+    filled = re.sub(r"# (max_speed|time_constant_\w+) = \.\.\.", r"\1 = 0.5", text)
+    inside = "time_constant = 0.07" + (", lower = -1.0, upper = 1.5" if not ranges[0] else "")
+    saved(folder, re.sub(r"^(tilt = .*?) }", rf"\1, {inside} }}", filled, flags=re.MULTILINE), "mine.toml")
+    tilts = [each.tilt for each in load_vehicle("mine.toml").rotors]
+    assert [(each.lower, each.upper) for each in tilts] == [(-most, most) if most else (-1.0, 1.5) for most in ranges]
+    assert {each.time_constant for each in tilts} == {0.07}
+
+
 @pytest.mark.parametrize(
     ("words", "said"),
     [

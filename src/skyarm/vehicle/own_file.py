@@ -13,6 +13,9 @@ from skyarm.vehicle.stated_rotors import MAX_THRUST, gaps_of
 from skyarm.vehicle.vehicle_files import is_robot, load_vehicle, read_rigid, robot_file
 from skyarm.vehicle.vehicle_text import vehicle_text
 
+OF_TILTS = {"lower": -1, "upper": 1, "time_constant": 1}
+"""Numbers in place of those that a file lacks of the servo of a tilting rotor."""
+
 
 def own_vehicle_file(file: str, name: str, tip: str = "") -> tuple[str, bool]:
     """Text of a vehicle file, and whether the vehicle in it is whole or has gaps, written as comments to be filled in.
@@ -44,12 +47,17 @@ def own_vehicle_file(file: str, name: str, tip: str = "") -> tuple[str, bool]:
     bodies = read_rigid(path, "lock")
     own = {each.name: {gap.partition(" ")[0]: gap for gap in gaps_of(each, each.values)} for each in bodies.rotors}
     gaps = {field: gap for each in own.values() for field, gap in each.items()}
-    flying = mount_rotors(bodies, RotorTables(usual=dict.fromkeys(gaps, 1)))
+    tilt = {name: value for name, value in OF_TILTS.items() if f"tilt.{name}" in gaps}
+    usual = dict.fromkeys(gaps.keys() - {f"tilt.{name}" for name in tilt}, 1) | ({"tilt": tilt} if tilt else {})
+    flying = mount_rotors(bodies, RotorTables(usual=usual))
     blocks = vehicle_text(replace(vehicle, rotors=flying.rotors), head, notes).split("\n\n")
     for k, block in enumerate(blocks):
         rotor = re.match(r'\[\[rotors]]\nname = "(.*)"', block)
         for field, gap in (own.get(rotor[1], {}) if rotor else gaps if block.startswith("[rotor_d") else {}).items():
-            blocks[k] = re.sub(rf"^{field} = .*", f"# {field} = ...  # missing: {gap}", blocks[k], flags=re.MULTILINE)
+            line, comment = rf"^{field} = .*", f"# {field} = ...  # missing: {gap}"
+            if inner := field.partition(".")[2]:  # an entry of tilt = {...} behind its axis: left out
+                line, comment = rf"^(tilt = .*), {inner} = -?1\.0\b(.*)", rf"\1\2  # missing: {gap}"
+            blocks[k] = re.sub(line, comment, blocks[k], flags=re.MULTILINE)
     text = "\n\n".join(blocks).replace(
         "[rotor_defaults]", "[rotor_defaults]\nall_stated = true  # no default for a gap"
     )
