@@ -24,6 +24,9 @@ FARTHEST = 10.0
 TURN = 2.0 * math.pi * 1.001, FARTHEST
 """Largest plausible joint position: one turn (rad), with a margin for rounding in files, or a length (m)."""
 
+RANGE = 2.0 * TURN[0], FARTHEST
+"""Largest plausible limit of a joint: two turns (rad), as robots have of up to 10 rad, or a length (m)."""
+
 NOISE = 1e-15
 """Size (kg m^2) of a negative moment that counts as rounding; a milligram at 30 micrometres has as much."""
 

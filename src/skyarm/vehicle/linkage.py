@@ -15,7 +15,7 @@ from skyarm.records.coerce import absent, coefficient, inertia, number, proper_r
 from skyarm.records.field_rules import checked
 from skyarm.records.immutable import field_if_any, immutable
 from skyarm.records.units import Unit, nonnegative, positive
-from skyarm.vehicle.check import FARTHEST, SHARE, TURN, VehicleError, accept_named
+from skyarm.vehicle.check import FARTHEST, RANGE, SHARE, VehicleError, accept_named
 
 BASE = -1
 """Index of the base among the links."""
@@ -100,10 +100,10 @@ class Joint:
         Mat3.identity()
     )
     lower: Annotated[
-        Scalar, Unit("rad or m", "lower position limit of the joint", infinite=True, rule=number, usual=TURN)
+        Scalar, Unit("rad or m", "lower position limit of the joint", infinite=True, rule=number, usual=RANGE)
     ] = -math.inf
     upper: Annotated[
-        Scalar, Unit("rad or m", "upper position limit of the joint", infinite=True, rule=number, usual=TURN)
+        Scalar, Unit("rad or m", "upper position limit of the joint", infinite=True, rule=number, usual=RANGE)
     ] = math.inf
     effort_limit: Annotated[
         Scalar,

@@ -13,6 +13,7 @@ import skyarm
 from skyarm.algebra import Vec3
 from skyarm.dynamics.actuators import AllocationError, make_mixer
 from skyarm.dynamics.actuators.hover import highest_thrust, hover_trim
+from skyarm.scenario.unlikely_numbers import unlikely_in_vehicle
 from skyarm.studies.assess.arm_poses import Allocation, arm_poses, hover_efforts, joint_range
 from skyarm.studies.assess.assessment import Assessment, assess_vehicle
 from skyarm.studies.assess.check_sheet import sheet
@@ -191,6 +192,13 @@ def test_the_workspace_of_a_planar_arm_ends_where_it_is_stretched_out():
 def test_poses_lie_within_the_limits_that_are_stated(kind, limits, expected):
     joint = Joint(name="j", kind=kind, axis=Vec3(0, 0, 1), lower=limits[0], upper=limits[1])
     assert joint_range(joint) == pytest.approx(expected)
+
+
+@pytest.mark.parametrize(("limit", "suspected"), [(10.0, False), (90.0, True)])
+def test_a_joint_may_turn_by_two_turns_but_hardly_by_ninety_radians(limit, suspected):
+    """ANYmal's joints turn by 9.42 rad, others' by 10 rad; 90 are degrees."""
+    lines = unlikely_in_vehicle(PELICAN.with_joints(lower=-limit, upper=limit))
+    assert [line.partition(" = ")[0][-5:] for line in lines] == ["lower", "upper"] * suspected
 
 
 @pytest.mark.parametrize(
