@@ -260,6 +260,28 @@ FLAT = HULL.replace('izz="0.006"', 'izz="0.011"')
 """Moments x + y are less than z by 18 %; with second moments l: x = l2 + l3, y = l1 + l3, z = l1 + l2, and l3 >= 0."""
 
 
+@pytest.mark.parametrize(("lower", "upper"), [("-1e16", "1e16"), ("-1.3", "1e+17"), ("-1E16", "1.4")])
+def test_a_limit_of_ten_to_the_sixteen_is_none_as_in_gazebo(tmp_path: Path, lower: str, upper: str) -> None:
+    wide = SWING.replace('lower="-1.3" upper="1.4"', f'lower="{lower}" upper="{upper}"')
+    joint = loaded(tmp_path, robot(HULL, BAR, wide)).links[0].joint
+    assert joint.lower == (-1.3 if lower == "-1.3" else -math.inf)
+    assert joint.upper == (1.4 if upper == "1.4" else math.inf)
+
+
+def test_a_root_without_inertia_is_refused_with_a_cure_that_works(tmp_path: Path) -> None:
+    foot = '<link name="foot"><inertial><mass value="0.1"/><inertia ixx="0" iyy="0" izz="0" ixy="0" ixz="0" iyz="0"/>'
+    arm = robot(foot + "</inertial></link>", BAR, SWING.replace('"hull"', '"foot"'))
+    for toml in ("", "mimic = 'lock'\n"):
+        with pytest.raises(
+            VehicleError, match=r"base\.inertia = 0\.0: .* root 'foot' has no inertia, .* \[\[attach\]\]$"
+        ):
+            loaded(tmp_path, arm, toml)
+    mounted = 'schema = 1\nname = "m"\nairframe = "hummingbird"\n[[attach]]\narm = "r.urdf"\n'
+    (tmp_path / "on.toml").write_text(mounted, "utf-8")
+    added = float(load_vehicle(tmp_path / "on.toml").mass) - float(load_vehicle("hummingbird").mass)
+    assert added == pytest.approx(0.3)
+
+
 def test_the_nearest_inertia_is_named_and_taken_on_request(tmp_path: Path) -> None:
     x, y, z = 0.004, 0.005, 0.011
     nearest = ((x - y + z) / 2, (y - x + z) / 2, z)
@@ -364,6 +386,13 @@ def test_a_xacro_file_is_expanded_with_its_arguments(macros: Path) -> None:
     (macros / "r.xacro").write_text(MACROS, "utf-8")
     (macros / "w.toml").write_text(f"{whole}, {table}".replace(", ", "\n").replace("] NAME = VALUE", "]\nmass = 0.9"))
     assert float(load_vehicle(macros / "w.toml").mass) == pytest.approx(1.8)
+
+
+def test_a_package_is_found_by_the_name_it_states(macros: Path) -> None:
+    """ROS finds packages by <name>: a repository's folder is often called otherwise."""
+    pytest.importorskip("xacrodoc", reason="needs the extra 'xacro'")
+    (macros.parents[1] / "parts_of_ours").rename(macros.parents[1] / "Parts-main")
+    assert float(loaded(macros, MACROS, "[xacro]\nmass = 0.35\n", suffix=".urdf.xacro").mass) == pytest.approx(0.7)
 
 
 def test_without_the_package_one_line_names_the_extra(macros: Path, monkeypatch: pytest.MonkeyPatch) -> None:

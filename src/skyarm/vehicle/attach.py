@@ -12,7 +12,7 @@ from skyarm.records.coerce import absent, concrete
 from skyarm.records.files import printable
 from skyarm.records.immutable import positional
 from skyarm.vehicle import description
-from skyarm.vehicle.check import VehicleError, refuse
+from skyarm.vehicle.check import NOISE, VehicleError, principal_moments, refuse
 from skyarm.vehicle.linkage import BASE, Body, Follower, Joint, Link
 from skyarm.vehicle.stated_rotors import StatedRotor
 from skyarm.vehicle.vehicle_records import Frame, Look, Vehicle
@@ -349,6 +349,20 @@ class RigidBodies:
             names = sorted({follow(each, self.mimics).joint for joints in self.faults.values() for each in joints})
             hold = f'[[joints]] name = "{names[0]}", hold = 0.0' + f", and so {', '.join(names[1:])}" * (len(names) > 1)
             raise VehicleError(f"{fault}; or hold the joints on which such parts act: {hold}")
+
+    def require_airframe(self) -> None:
+        """Raise an error for the root of another program's file that is no airframe: it lacks mass or inertia.
+
+        Raises:
+            VehicleError: one line with field, value, what is allowed and the cure.
+        """
+        mass, least = float(self.base.mass), principal_moments(self.base.inertia)[0]
+        if self.root != "base" and (mass == 0.0 or 0.0 <= least < NOISE):
+            field, value, lacks = (
+                ("mass", mass, "weighs nothing") if mass == 0.0 else ("inertia", least, "has no inertia")
+            )
+            cure = f"its root '{self.root}' {lacks}, and an airframe can carry it by [[attach]]"
+            refuse(f"base.{field}", value, f"must be greater than 0; {cure}")
 
 
 SHOWN = 4

@@ -23,7 +23,7 @@ from skyarm.vehicle import description
 from skyarm.vehicle.attach import Notes, RigidBodies, at_origin, posed_in
 from skyarm.vehicle.check import VehicleError, refuse
 from skyarm.vehicle.rotor_sources.own_files import OWN
-from skyarm.vehicle.urdf import read_robot
+from skyarm.vehicle.urdf import UNLIMITED, read_robot
 from skyarm.vehicle.vehicle_records import Frame
 from skyarm.vehicle.xml_elements import finite, numbers_of, read_xml
 
@@ -34,9 +34,6 @@ FOLDERS = ("GZ_SIM_RESOURCE_PATH", "IGN_GAZEBO_RESOURCE_PATH", "GAZEBO_MODEL_PAT
 
 DEEPEST = 100
 """Largest number of models in one vehicle, and of frames between a frame and the vehicle's."""
-
-UNLIMITED = 1e16
-"""Number from which on SDF means that there is no limit."""
 
 TRUE = ("1", "true", "True", "TRUE")
 

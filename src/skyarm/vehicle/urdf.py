@@ -38,6 +38,9 @@ from skyarm.vehicle.xml_elements import child, number, numbers, numbers_of, pars
 READ = ("link", "joint", "material", "plugin", OWN)
 """Elements of a robot that are read, or concern only its appearance."""
 
+UNLIMITED = 1e16
+"""Size of a joint's limit from which on Gazebo takes it for none."""
+
 
 @positional
 class _File:
@@ -97,9 +100,7 @@ def urdf_vehicle(given: RigidBodies) -> Vehicle:
     given.require_no_faults()
     flying = mount_rotors(given, RotorTables())
     bodies = with_real_inertias(flying.bodies)
-    if float(bodies.base.mass) == 0.0:
-        root = f"its root '{bodies.root}' weighs nothing"
-        refuse("base.mass", 0.0, f"must be greater than 0; {root}, and an airframe can carry it by [[attach]]")
+    bodies.require_airframe()
     drives, fast = drives_of_file(bodies)
     tip = "tip" if any(frame.name == "tip" for frame in bodies.frames) else ""
     made = Vehicle(
@@ -257,7 +258,7 @@ def kind_of_joint(joint: ET.Element) -> str:
 
 
 def limits(joint: ET.Element) -> tuple[float, float]:
-    """Lower and upper limit of a joint, rad or m; infinite where the file states none.
+    """Lower and upper limit of a joint, rad or m; infinite where the file states none, or Gazebo's number for none.
 
     By the specification a limit that is not stated is 0. That is taken where the other one leaves the joint room to
     move; elsewhere it has been forgotten.
@@ -268,6 +269,7 @@ def limits(joint: ET.Element) -> tuple[float, float]:
         return -math.inf, math.inf
     lower = number(limit, "lower", f"{field}.limit", math.nan, infinite=True)
     upper = number(limit, "upper", f"{field}.limit", math.nan, infinite=True)
+    lower, upper = (math.copysign(math.inf, each) if abs(each) >= UNLIMITED else each for each in (lower, upper))
     if math.isnan(lower):
         lower = 0.0 if upper > 0.0 else -math.inf
     if math.isnan(upper):

@@ -84,6 +84,7 @@ def vehicle_from(document: Mapping[str, Any], refer: Refer, folder: Path = Path(
     flying = mount_rotors(bodies, read_rotor_tables(top, any(each.tilt_joint for each in bodies.rotors)))
     every = top.choice("inertia_repair", ("small", "nearest"), "small") == "nearest"
     bodies, rotors = with_real_inertias(flying.bodies, every=every), flying.rotors
+    bodies.require_airframe()
     frames = tuple(_frame(fields, bodies) for fields in top.tables("frames"))
     links, followers, fixed = couple(bodies.links, (*bodies.frames, *frames, *bodies.looks), bodies.mimics)
     stated = mounted_drives(top.inner("drives").table, "drives", bodies.speeds)
@@ -301,7 +302,9 @@ def _override_joints(
     for name, value in held.items():
         low, high = (only_held | ends).get(name, (value, value))
         if not low <= value <= high:
-            refuse(f"joints[{name}].hold", value, f"must be within the joint's limits, {low:g} to {high:g}")
+            refuse(
+                f"joints[{name}].hold", value, f"must be within the joint's limits, {float(low)!r} to {float(high)!r}"
+            )
     changeable = [*ends, *(held.keys() & only_held)]
     for name in changes:
         if name in own:

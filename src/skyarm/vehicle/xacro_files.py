@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -9,12 +10,18 @@ from skyarm.records.files import needs_extra
 from skyarm.vehicle.check import VehicleError
 
 
+def _own_name(mark: Path) -> str:
+    """Name of a package in its ``package.xml``, which need not be that of its folder; "" if it states none."""
+    stated = re.search(r"<name>\s*(\S+?)\s*</name>", mark.read_text("utf-8", "replace"))
+    return stated[1] if stated else ""
+
+
 def expand_xacro(path: Path, arguments: Mapping[str, str]) -> bytes:
     """Text of the URDF that a xacro file describes; nothing is fetched.
 
     Args:
-        path: the file. A package of its ``$(find NAME)`` is the folder of that name, with a ``package.xml``, that lies
-            nearest above it or beside one above it; else the one that ROS finds.
+        path: the file. A package of its ``$(find NAME)`` is the nearest folder above it, or beside one above it, whose
+            ``package.xml`` states that name, or which has it itself; else the one that ROS finds.
         arguments: values of its ``<xacro:arg>``.
 
     Raises:
@@ -27,7 +34,7 @@ def expand_xacro(path: Path, arguments: Mapping[str, str]) -> bytes:
         raise VehicleError(f"xacro: is missing; a .xacro file {needs_extra('xacro')}") from None
     packages.reset()
     marks = [mark for above in reversed(path.resolve().parents) for mark in above.glob("*/package.xml")]
-    packages.update_package_cache({mark.parent.name: mark.parent for mark in marks})
+    packages.update_package_cache({name: mark.parent for mark in marks for name in (mark.parent.name, _own_name(mark))})
     try:
         expanded: str = xacro.process_file(str(path), mappings=dict(arguments)).toxml()
         return expanded.encode()
