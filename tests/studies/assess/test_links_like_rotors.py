@@ -86,6 +86,18 @@ def test_driven_ones_cannot_fly_and_the_cure_works(tmp_path):
     assert "rotors as joints" in faults(load_vehicle(saved(tmp_path, airframe, "joints.toml")))
 
 
+def test_the_one_that_was_forgotten_is_no_joint_of_an_arm(tmp_path):
+    """Five of six stated rotors span the wrench, so that only the sixth one's name tells."""
+    places = [(0.3 * math.cos(k * math.pi / 3), 0.3 * math.sin(k * math.pi / 3)) for k in range(6)]
+    of(tmp_path, *(spun(f"rotor{k}", place) for k, place in enumerate(places)))
+    text = 'schema = 1\nname = "v"\nurdf = "r.urdf"\n[rotor_defaults]\nthrust_coefficient = 1.2e-5\n'
+    text += "moment_coefficient = 0.03\nmax_speed = 1200.0\n"
+    tables = [f'[[rotors]]\nname = "r{k}"\nlink = "rotor{k}"\ndirection = "{("cw", "ccw")[k % 2]}"\n' for k in range(6)]
+    found = faults(load_vehicle(saved(tmp_path, text + "".join(tables[:5]), "v.toml")))
+    assert "joints of rotor5 turn without limits" in found["rotors as joints"].text
+    assert faults(load_vehicle(saved(tmp_path, text + "".join(tables), "v.toml"))) == {}
+
+
 def test_passive_ones_are_no_fault_of_their_own(tmp_path):
     found = faults(of(tmp_path, *(spun(f"rotor{k}", place, effort=0) for k, place in enumerate(AROUND))))
     assert list(found) == ["rotors"]

@@ -192,7 +192,8 @@ UPRIGHT = 0.9
 def links_like_rotors(vehicle: Vehicle) -> list[str]:
     """Names of links that end a chain, turn without limits, and have the names or places of rotors.
 
-    Two or more have such names; or three or more of one mass stand all around the base, with upright axes.
+    Two or more have such names, or one beside rotors; or three or more of one mass stand all around the base, with
+    upright axes.
     """
     ends = set(range(vehicle.n)) - {link.parent for link in vehicle.moving}
     free = [
@@ -201,7 +202,7 @@ def links_like_rotors(vehicle: Vehicle) -> list[str]:
         if -link.joint.lower == link.joint.upper == math.inf
     ]
     named = [link.name for link in free if ROTOR_NAME.search(f"{link.name} {link.joint.name}")]
-    if len(named) > 1:
+    if len(named) > (0 if vehicle.rotors else 1):
         return named
     ring = [k for k in free if k.parent == BASE and abs(float(k.joint.rotation.apply(k.joint.axis).z)) > UPRIGHT]
     masses = [float(each.body.mass) for each in ring]
