@@ -107,8 +107,8 @@ REPLACES: Mapping[str, str | tuple[tuple[tuple[str, ...], str, str], ...]] = {
         (("short.toml", "--log", "b.csv", "--plot", "a.png"), "a.png", "replaced"),
     ),
     "plan": (
-        (("eagle_catch_free", "--out", "a.npz"), "a.npz", "replaced"),
-        (("eagle_catch_free", "--report", "a.html"), "a.html", "replaced"),
+        (("up.toml", "--out", "a.npz"), "a.npz", "replaced"),
+        (("up.toml", "--report", "a.html"), "a.html", "replaced"),
         (("up.toml", "--scenario", "a.toml"), "a.toml", "kept"),
     ),
     "plot": ((("flight.npz", "--out", "a.svg"), "a.svg", "replaced"),),

@@ -457,7 +457,7 @@ def test_joints_that_are_later_than_the_rotors_lose_the_bandwidth_for_the_differ
 @pytest.mark.parametrize("weaker", [0.3, 1.0, 6.0, 1e9])
 def test_joints_that_stick_have_an_observer_no_wider_than_that_of_the_torque(weaker):
     """Joints that accelerate by more than modelled, as modelled, by a sixth of it, not at all."""
-    memory = flown(0, weaker=(1.0,) * 3 + (weaker,) * 2)
+    memory = flown(0, weaker=(1.0,) * 3 + (weaker,) * 2, seconds=4.0)
     assert memory.obeyed == pytest.approx(min(1.0, 1.0 / weaker**2), abs=0.03)
     par = make_centroidal(MODEL, mode="tip", observer=[27.0, 31.0, 51.0, 60.0]).par
     observer = GAINS.adjust_gains(memory, par, DT).observer
@@ -465,7 +465,7 @@ def test_joints_that_stick_have_an_observer_no_wider_than_that_of_the_torque(wea
     assert observer.torque == pytest.approx(31.0, rel=0.02)
     assert observer.joints == pytest.approx(min(51.0 * joint, observer.torque * max(1.0, 8.0 * memory.obeyed)))
     # joints that stand still tell nothing, nor do those of an arm in contact
-    assert flown(0, active=0.0).obeyed == flown(0, isolated=0.0, weaker=9.0, seconds=1.0).obeyed == 1.0
+    assert flown(0, active=0.0, seconds=1.0).obeyed == flown(0, isolated=0.0, weaker=9.0, seconds=1.0).obeyed == 1.0
 
 
 def test_what_makes_up_for_friction_is_lowered_with_the_joints_bandwidth():

@@ -268,9 +268,8 @@ def test_as_many_force_evaluations_as_runge_kutta_takes_are_no_reason_to_leave_i
     assert (count.near, count.verlet) == ((held, True) if verlet else (2, False))
 
 
-def test_steps_are_longer_while_grasps_alone_act_and_the_flight_is_the_same(monkeypatch, tmp_path):
+def test_steps_are_longer_while_grasps_alone_act_and_the_flight_is_the_same(monkeypatch):
     scenario = dataclasses.replace(skyarm.load_scenario("two_carry_a_bar"), duration=4.0, windows=Windows())
-    monkeypatch.setenv("SKYARM_CACHE", str(tmp_path / "one"))
     longer, plants = skyarm.run(scenario), [each.plant for each in scenario.agents.values()]
 
     def counts():
@@ -279,7 +278,6 @@ def test_steps_are_longer_while_grasps_alone_act_and_the_flight_is_the_same(monk
     assert (counts().near, counts().calm) == (24, 4)  # 4 at least: six by these grasps
     monkeypatch.setattr(Contact, "largest_calm_step", None)
     monkeypatch.setattr(Contact, "largest_calm_verlet_step", None)
-    monkeypatch.setenv("SKYARM_CACHE", str(tmp_path / "other"))
     assert counts() == counts()._replace(calm=0)
     usual = skyarm.run(scenario)
     apart = np.linalg.norm(longer.object_position - usual.object_position, axis=1)

@@ -84,7 +84,7 @@ def test_every_kind_of_load_is_felt_as_its_mass_times_a_plus_g(kind, plant):
     """Accelerations of the load by differences of where the log has it; 0.1 kg moved at 1 Hz in height."""
     sine = {"kind": "sine", "amplitude": 0.1, "frequency_hz": 1.0, "phase": 1.5707963}
     document = DOCUMENT | {
-        "duration": 3.0,
+        "duration": 1.9,
         "environment": {"ground": False},
         "payloads": [],
         "controller": {"preset": "centroidal_joint"},

@@ -38,11 +38,6 @@ turbulence = { altitude = 6.0, wind_20ft = 7.7 }
 """
 
 
-@pytest.fixture(autouse=True)
-def _cache(tmp_path, monkeypatch):
-    monkeypatch.setenv("SKYARM_CACHE", str(tmp_path))
-
-
 def fleet(count=4, sinks=(), reference=None, **changes):
     """Vehicles beside each other on paths of their own, through the ground where they sink."""
     tables = tomllib.loads(FLEET) | changes
@@ -119,7 +114,8 @@ def test_a_flight_that_is_long_or_commanded_or_compiled_in_full_shares_no_period
         assert (calls == count) == expected, (count, duration)
 
 
-def test_a_fleet_flown_again_has_code_of_each_vehicle_made_behind_the_command(monkeypatch):
+def test_a_fleet_flown_again_has_code_of_each_vehicle_made_behind_the_command(monkeypatch, tmp_path):
+    monkeypatch.setenv("SKYARM_CACHE", str(tmp_path))
     monkeypatch.setattr(own_sources, "_begun", [time.time() + 60.0])
     monkeypatch.setattr(stored_programs, "_fleets", [])
     monkeypatch.delenv("SKYARM_EFFORT", raising=False)

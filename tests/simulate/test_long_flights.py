@@ -10,11 +10,13 @@ import shutil
 import subprocess
 import sys
 import tracemalloc
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import suppress
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -25,8 +27,8 @@ from skyarm.log.flight_log import Log, rows_of
 from skyarm.log.flight_summary import facts, summary
 from skyarm.log.metrics import score
 from skyarm.scenario.scenario_record import Change, Scenario
-from skyarm.simulate import loop
-from support.cases import sampled
+from skyarm.simulate import engine, loop
+from support.cases import sampled, whole_text
 
 WINDOW, PIECE = 37, 23
 """Rows in memory and rows written at a time: tiny, and no multiples of anything."""
@@ -56,6 +58,18 @@ FLIGHTS = {
         (1.2, "reference.base.radius", 0.25),
     ),
 }
+
+
+@pytest.fixture(autouse=True, scope="module")
+def _programs() -> Iterator[None]:
+    """Trace a scenario once, however many of its flight's rows are in memory."""
+    programs: dict[str, Any] = {}
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(engine, "program_name", lambda *given: whole_text(given))
+        patch.setattr(engine, "load_program", lambda name: programs.get(name) if name else None)
+        patch.setattr(engine, "store_program", programs.__setitem__)
+        patch.setattr(engine, "note_repeat", lambda *_: None)
+        yield
 
 
 @pytest.fixture(autouse=True)
@@ -142,14 +156,14 @@ def test_a_short_flight_stays_in_memory(tmp_path: Path, monkeypatch: pytest.Monk
     assert not reads_a_file(skyarm.run(FLIGHTS["alone"](), to=tmp_path / "log.npz"))
 
 
+def interrupt(done: int, _total: int) -> None:
+    if done >= 201:
+        raise KeyboardInterrupt
+
+
 @pytest.mark.parametrize("name", ["alone", "changes"])
 def test_an_interruption_leaves_the_rows_so_far_in_the_file(tmp_path: Path, name: str) -> None:
     scenario = FLIGHTS[name]()
-
-    def interrupt(done: int, _total: int) -> None:
-        if done >= 201:
-            raise KeyboardInterrupt
-
     with pytest.raises(KeyboardInterrupt):
         skyarm.run(scenario, interrupt, to=tmp_path / "log.npz")
     log, whole = skyarm.load_log(tmp_path / "log.npz"), skyarm.run(scenario)
@@ -195,7 +209,8 @@ def test_a_write_that_is_cut_short_is_no_row(tmp_path: Path, monkeypatch: pytest
 
 def peak(scenario: Scenario, to: Path) -> float:
     """Largest size (MB) of all that Python and NumPy hold at a time in a flight, its files and its summary."""
-    skyarm.run(replace(scenario, duration=1.0), to=to)  # programs are made once
+    with suppress(KeyboardInterrupt):  # its program is made once
+        skyarm.run(scenario, interrupt, to=to)
     tracemalloc.start()
     try:
         log = skyarm.run(scenario, to=to)
