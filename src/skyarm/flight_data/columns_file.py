@@ -17,6 +17,11 @@ A file has a table for each quantity of :data:`skyarm.flight_data.quantities.QUA
     frame = "FRD"
     world = "NED"                     # of the world: "z up", or north, east, down
 
+    [accelerometer]
+    file = "accelerometer.csv"        # another table of text with the same clock
+    columns = ["x", "y", "z"]
+    scale = 0.001                     # factor on the numbers of the file, before the unit
+
     [rotor_commands]
     topic = "actuator_outputs"        # of files that hold several tables
     columns = ["output[0]", "output[1]", "output[2]", "output[3]"]
@@ -56,7 +61,9 @@ class QuantitySource:
     Attributes:
         columns: names; a minus before one turns its sign.
         topic: table of the file that holds them; the only one, or the first that has them all, if empty.
+        file: further file of the same clock that holds them, from the folder of the flight; the flight itself if empty.
         unit: unit of the numbers; the SI unit of the quantity if empty.
+        scale: factor on the numbers of the file, such as units per count of a converter.
         frame: axes of the base, FLU or FRD; of a velocity "" for one in world axes.
         world: axes of the world, "z up" or "NED".
         order: order of a quaternion's columns.
@@ -69,7 +76,9 @@ class QuantitySource:
 
     columns: tuple[str, ...]
     topic: str = ""
+    file: str = ""
     unit: str = ""
+    scale: float = 1.0
     frame: str = ""
     world: str = "z up"
     order: str = "wxyz"
@@ -160,13 +169,15 @@ def _signal(quantity: Quantity, fields: Fields) -> QuantitySource:
     if quantity.width and len(columns) != quantity.width and not euler:
         euler_words = ", or 3 of roll, pitch and yaw" if quantity.axes == ATTITUDE else ""
         raise ValueError(
-            f"{fields.at('columns')} = {shown(list(columns))}: must be {quantity.width} names{euler_words}"
+            f"{fields.at('columns')} = {shown(list(columns))}: must be {quantity.width} names{euler_words}; "
+            "a column of lists must be split"
         )
     units = ANGLES if euler else quantity.units
     if "unit" in fields.table and not any(units):
         ranged = ": low and high tell its range" if quantity is QUANTITIES["rotor_commands"] else ""
         raise ValueError(f"{fields.at('unit')} = {shown(fields.table['unit'])}: must be left out{ranged}")
     given: dict[str, Any] = {"unit": fields.choice("unit", tuple(units), next(iter(units)))}
+    given["scale"] = fields.number("scale", 1.0, low=0.0, strict=True)
     if quantity.axes in (BODY, ATTITUDE):
         given["frame"] = fields.choice("frame", FRAMES, FRAMES[0])
     if quantity.axes in (WORLD, ATTITUDE):
@@ -182,7 +193,7 @@ def _signal(quantity: Quantity, fields: Fields) -> QuantitySource:
         given |= {"low": fields.number("low", 0.0), "high": fields.number("high", 1.0)}
         if given["high"] == given["low"]:
             raise ValueError(f"{fields.at('high')} = {given['high']:g}: must differ from low")
-    given |= {"topic": fields.text("topic", ""), "time": fields.text("time", "")}
+    given |= {name: fields.text(name, "") for name in ("topic", "file", "time")}
     signal = QuantitySource(columns=columns, stamp=fields.choice("stamp", STAMPS, "header"), **given)
     fields.done()
     return signal

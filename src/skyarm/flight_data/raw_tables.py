@@ -15,7 +15,7 @@ from skyarm.flight_data.columns_file import ANGLES, TIMES, Columns, QuantitySour
 from skyarm.flight_data.flight_data import Channel, FlightData
 from skyarm.flight_data.quantities import ATTITUDE, QUANTITIES
 from skyarm.flight_data.series import attitude_at
-from skyarm.records.arrays import Array
+from skyarm.records.arrays import Array, doubles
 from skyarm.records.files import must_be_one_of, shown
 from skyarm.records.files.messages import comma_list
 from skyarm.records.immutable import immutable
@@ -138,6 +138,8 @@ def _table(at: str, signal: QuantitySource, tables: Mapping[str, RawTable]) -> R
         ValueError: one line: no such topic or column.
     """
     table = _holding(tables, signal)
+    if signal.file and signal.file not in tables:
+        raise ValueError(f"{at}.file = {shown(signal.file)}: must be left out of a format that is no table of text")
     if signal.topic and "" in tables:
         raise ValueError(f"{at}.topic = {shown(signal.topic)}: must be left out for a file of one table")
     if signal.topic and table is None:
@@ -158,13 +160,14 @@ def _channel(
     table = _table(f"{columns.file}: {name}", signal, tables)
     time = _time(name, signal, table, columns if name in columns.signals else Columns())
     with np.errstate(all="ignore"):
-        values = _in_si(name, signal, np.stack([table.numbers(each) for each in signal.columns], axis=1))
+        given = np.stack([table.numbers(each) for each in signal.columns], axis=1)
+        values = _in_si(name, signal, given * signal.scale)
     whole = np.isfinite(values).all(axis=1) & np.isfinite(time)
     if name == "quaternion":
         size = np.abs(np.where(np.isfinite(values), values, 0.0)).max(axis=1)
         whole &= (size > SMALLEST) & (size < LARGEST)
-    every = _rows_apart(np.diff(np.flatnonzero(whole)))
-    time, values, due = time[whole], values[whole], -(-whole.size // every)
+    due = _rows_due(np.flatnonzero(whole), time[whole], whole.size)
+    time, values = time[whole], values[whole]
     rising = rising_rows(time)
     rows, lost = time.size, time.size - rising.size
     if rising.size < RISING * rows:
@@ -173,8 +176,8 @@ def _channel(
     if name == "quaternion" and time.size:
         values = continuous(unit_rows(values)) * (-1.0 if values[0, 0] < 0.0 else 1.0)
     channel = Channel(time=time, values=values, source=signal.source, names=signal.names)
-    if every > 1:
-        notes.append(f"{name}: has numbers in every {_ordinal(every)} row only, {channel.rate:.4g} Hz.")
+    if due < whole.size:
+        notes.append(f"{name}: has numbers in {rows} of {whole.size} rows only, {channel.rate:.4g} Hz.")
     if due > rows:
         notes.append(f"{name}: {due - rows} of {due} rows are without numbers and are left out.")
     if lost:
@@ -190,18 +193,26 @@ REGULAR, NEAR = 0.8, 0.34
 logged less often."""
 
 
-def _rows_apart(steps: npt.NDArray[np.intp]) -> int:
-    """Regular spacing of the rows that contain numbers; 1 if the spacing is irregular, as with missing rows."""
-    if steps.size < FEWEST:
-        return 1
-    usual = round(float(np.median(steps)))
-    return usual if np.mean(np.abs(steps - usual) <= NEAR * usual) >= REGULAR else 1
+def _rows_due(rows: npt.NDArray[np.intp], time: Array, count: int) -> int:
+    """Number of rows that should contain a quantity, by the regular steps of its own times or else of its rows.
+
+    Args:
+        rows: indices of the rows that contain numbers.
+        time: (N,) s, of these rows.
+        count: number of rows of the table, all of them due if the steps are irregular.
+    """
+    between = np.diff(rows) - 1
+    if step := _usual_step(np.diff(time)):
+        lost = np.clip(np.round(np.diff(time) / step) - 1.0, 0.0, between)
+        return rows.size + int(lost.sum())
+    return -(-count // (round(_usual_step(between + 1)) or 1))
 
 
-def _ordinal(count: int) -> str:
-    """Ordinal number as text: 2nd, 3rd, 4th, 11th."""
-    endings = {1: "st", 2: "nd", 3: "rd"}
-    return f"{count}{'th' if count % 100 in (11, 12, 13) else endings.get(count % 10, 'th')}"
+def _usual_step(steps: npt.ArrayLike) -> float:
+    """Median of regular steps; 0 if they are few or irregular, as with missing rows."""
+    size = doubles(steps)
+    usual = float(np.median(size)) if size.size >= FEWEST else 0.0
+    return usual if usual > 0.0 and np.mean(np.abs(size - usual) <= NEAR * usual) >= REGULAR else 0.0
 
 
 def _time(name: str, signal: QuantitySource, table: RawTable, columns: Columns) -> Array:

@@ -6,7 +6,8 @@ import csv
 import io
 import math
 from array import array
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -15,23 +16,42 @@ from skyarm.flight_data.columns_file import Columns
 from skyarm.flight_data.flight_data import FlightData, FlightFormat
 from skyarm.flight_data.raw_tables import RawTable, flight_of
 from skyarm.records.arrays import Array
-from skyarm.records.files import shown
+from skyarm.records.files import require_file, shown
 from skyarm.records.files.messages import comma_list
 
 SEPARATORS = ",;\t "
-"""Possible column separators; the one that occurs most often in the head is used."""
+"""Possible column separators; the first that cuts the head and most rows into as many cells is used."""
+
+JUDGED = 100
+"""Number of rows by which the separator is chosen."""
 
 
 def read_table(path: Path, columns: Columns | None) -> FlightData:
-    """Read a CSV file with a header line of column names and one row per instant.
+    """Read a CSV file with a header line of column names and one row per instant, and other files that a mapping names.
 
     Raises:
         ValueError: one line: it is no table, it has no mapping, or the mapping does not fit. OSError: it cannot be
             read.
     """
+    notes: list[str] = []
+    signals = {} if columns is None else columns.signals
+    files = dict.fromkeys(["", *(each.file for each in signals.values())])
+    if len(files) == 1 or columns is None:
+        return flight_of(path, {"": _table_of(path, columns, notes)}, {}, columns, notes=notes)
+    tables = {}
+    for name in files:
+        require_file(path.parent / name if name else path, f"file = {shown(name)}")
+        tables[name or path.name] = _table_of(path.parent / name if name else path, columns, notes)
+    of_files = {name: replace(each, topic=each.topic or each.file or path.name) for name, each in signals.items()}
+    return flight_of(path, tables, {}, replace(columns, signals=of_files), notes=notes)
+
+
+def _table_of(path: Path, columns: Columns | None, notes: list[str]) -> RawTable:
+    """Columns of a text file that a mapping names; the others are empty."""
     text = path.read_bytes().decode("utf-8-sig", "replace")
     head, _, body = text.replace("\r\n", "\n").replace("\r", "\n").lstrip("\n").partition("\n")
-    separator = max(SEPARATORS, key=head.count)
+    first_rows = "\n".join(body.split("\n", JUDGED)[:JUDGED])
+    separator = max(SEPARATORS, key=lambda each: (_alike(head, first_rows, each), head.count(each)))
     names = [name.strip() for name in next(_cells(head, separator), [])]
     if not any(names) or "\0" in head or "\ufffd" in head:
         raise ValueError(f"head = {shown(head[:60])}: must be the names of the columns")
@@ -42,18 +62,35 @@ def read_table(path: Path, columns: Columns | None) -> FlightData:
     used = [name for name in dict.fromkeys(names) if name and mapped & {name, f"-{name}"}]
     if twice := sorted(name for name in used if names.count(name) > 1):
         raise ValueError(f"head = {shown(twice[0])}: names {names.count(twice[0])} columns: must name one")
-    notes: list[str] = []
-    rows = _rows(body, [names.index(name) for name in used], separator, len(names), notes)
+    rows = _rows(body, {name: names.index(name) for name in used}, separator, len(names), notes)
     if not len(rows):
         raise ValueError("rows = 0: must be one or more")
     others = dict.fromkeys(filter(None, names), np.zeros(0))  # not read: a mapping names none of them
-    table = RawTable(columns={**others, **dict(zip(used, rows.T, strict=True))}, time=np.zeros(0))
-    return flight_of(path, {"": table}, {}, columns, notes=notes)
+    return RawTable(columns={**others, **dict(zip(used, rows.T, strict=True))}, time=np.zeros(0))
 
 
-def _rows(body: str, places: Sequence[int], separator: str, width: int, notes: list[str]) -> Array:
-    """Numeric values (N, columns) of the rows; NaN for empty or non-numeric cells, and for incomplete rows."""
-    numbers, count, short, wrong = array("d"), 0, 0, 0
+def _alike(head: str, rows: str, separator: str) -> float:
+    """Fraction of rows that a separator cuts into as many cells as the head; 0 if it cuts nothing."""
+    width = len(next(_cells(head, separator), []))
+    alike = [len(cells) >= width > 1 and not any(cells[width:]) for cells in _cells(rows, separator) if any(cells)]
+    return sum(alike) / max(1, len(alike))
+
+
+def _rows(body: str, places: Mapping[str, int], separator: str, width: int, notes: list[str]) -> Array:
+    """Numeric values (N, columns) of the rows; NaN for empty or non-numeric cells, and for incomplete rows.
+
+    Args:
+        body: rows of the file.
+        places: index of each column to read, by its name.
+        separator: sign between cells; other than a comma, cells may have decimal commas.
+        width: number of cells in the head.
+        notes: sentences on losses, extended here.
+
+    Raises:
+        ValueError: one line: a column without any number.
+    """
+    numbers, count, short, wrong, decimal = array("d"), 0, 0, dict[str, list[str]](), 0
+    point = "." if separator == "," else ","
     for cells in _cells(body, separator):
         filled = [cell.strip() for cell in cells]
         if not any(filled):
@@ -62,18 +99,26 @@ def _rows(body: str, places: Sequence[int], separator: str, width: int, notes: l
         if len(filled) < width or any(filled[width:]):
             short += 1
             filled = []
-        for k, place in enumerate(places if filled else ()):
+        for k, (name, place) in enumerate(places.items() if filled else ()):
             try:
-                row[k] = float(filled[place] or "nan")
+                row[k] = float(filled[place].replace(point, ".") or "nan")
+                decimal += "," in filled[place]
             except ValueError:
-                wrong += 1
+                wrong.setdefault(name, []).append(filled[place])
         numbers.extend(row)
         count += 1
     if short:
         notes.append(f"file: {short} of {count} rows have not the {width} cells of the head and count as empty.")
+    table = np.array(numbers).reshape(count, len(places))
+    for (name, cells), column in ((each, table[:, list(places).index(each[0])]) for each in wrong.items()):
+        if np.isnan(column).all():
+            cell = shown(cells[0][:40])
+            raise ValueError(f"{name} = {cell}: must be a number in each cell; split lists, and write times as numbers")
     if wrong:
-        notes.append(f"file: {wrong} cells are no numbers and count as empty.")
-    return np.array(numbers).reshape(count, len(places))
+        notes.append(f"file: {sum(map(len, wrong.values()))} cells are no numbers and count as empty.")
+    if decimal:
+        notes.append(f"file: {decimal} cells have a decimal comma.")
+    return table
 
 
 def _cells(text: str, separator: str) -> Iterator[list[str]]:
@@ -83,7 +128,7 @@ def _cells(text: str, separator: str) -> Iterator[list[str]]:
         ValueError: one line: a quote without end, or a cell of very many letters.
     """
     try:
-        yield from csv.reader(io.StringIO(text.replace("\0", "")), delimiter=separator)
+        yield from csv.reader(io.StringIO(text.replace("\0", "")), delimiter=separator, skipinitialspace=True)
     except csv.Error as error:
         raise ValueError(f"cells: must be of a table of text ({error})") from None
 
