@@ -1,0 +1,244 @@
+"""DataFlash logs of ArduPilot, written byte by byte and read beside pymavlink."""
+
+from __future__ import annotations
+
+import struct
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from skyarm.flight_data.columns_file import columns_from
+from skyarm.flight_data.flight_data import FlightData, load_flight
+
+DFReader = pytest.importorskip("pymavlink.DFReader")
+
+CODES = dict(zip("BhHiIfQcCnNZL", ["B", "h", "H", "i", "I", "f", "Q", "h", "H", "4s", "16s", "64s", "i"], strict=True))
+AXES = ("GyrX", "GyrY", "GyrZ", "AccX", "AccY", "AccZ")
+OUTPUTS = {"FRAME_CLASS": 1.0, "MOT_PWM_MIN": 1100.0, "MOT_PWM_MAX": 1900.0}
+
+
+class Writer:
+    """Bytes of a DataFlash log: types are defined as they come."""
+
+    def __init__(self, **types: tuple[str, str]) -> None:
+        self.types = {name: (128 + k, *each) for k, (name, each) in enumerate({"FMT": ("BBnNZ", ""), **types}.items())}
+        self.data = b"".join(
+            b"\xa3\x95\x80"
+            + struct.pack(
+                "<BB4s16s64s", number, 3 + self.size(letters), name.encode(), letters.encode(), fields.encode()
+            )
+            for name, (number, letters, fields) in self.types.items()
+        )
+
+    def size(self, letters: str) -> int:
+        return struct.calcsize("<" + "".join(CODES[each] for each in letters))
+
+    def put(self, name: str, *values: Any) -> None:
+        number, letters, _ = self.types[name]
+        self.data += b"\xa3\x95" + struct.pack("<B" + "".join(CODES[each] for each in letters), number, *values)
+
+
+def recent(parameters: dict[str, float], outputs: tuple[int, ...] = (1500, 1100, 1900, 1300, 0, 0)) -> bytes:
+    """Log of ArduPilot 4: stamps in us, two inertial units in one message."""
+    noise = np.random.default_rng(0)
+    log = Writer(
+        MSG=("QZ", "TimeUS,Message"),
+        PARM=("QNf", "TimeUS,Name,Value"),
+        STRT=("", ""),
+        IMU=("QBffffff", f"TimeUS,I,{','.join(AXES)}"),
+        RCOU=("QHHHHHH", "TimeUS,C1,C2,C3,C4,C5,C6"),
+        XKQ=("QBffff", "TimeUS,C,Q1,Q2,Q3,Q4"),
+        XKF1=("QBffffff", "TimeUS,C,VN,VE,VD,PN,PE,PD"),
+        BAT=("QBf", "TimeUS,Inst,Volt"),
+        PIDR=("Qf", "TimeUS,I"),
+    )
+    log.put("MSG", 0, b"ArduCopter V4.5.0 (0)")
+    for name, value in parameters.items():
+        log.put("PARM", 0, name.encode(), value)
+    log.put("STRT")
+    for k in range(60):
+        stamp = 61_500_000 + 10_000 * k
+        for unit in range(2):
+            log.put("IMU", stamp, unit, *noise.normal(size=6))
+        log.put("RCOU", stamp + 100, *(each + k if each else 0 for each in outputs))
+        log.put("XKQ", stamp + 200, 0, *noise.normal(size=4))
+        log.put("XKQ", stamp + 200, 1, 1, 0, 0, 0)
+        log.put("XKF1", stamp + 300, 0, *noise.normal(size=6))
+        log.put("BAT", stamp + 400, 0, 12.5)
+        log.put("PIDR", stamp + 500, noise.normal())
+    return log.data
+
+
+def old(parameters: dict[str, float], outputs: tuple[int, ...] = (1500, 1500, 1500, 1500, -3)) -> bytes:
+    """Log of ArduPilot 3: stamps in ms, a message for each inertial unit, angles in hundredths of a degree."""
+    noise = np.random.default_rng(1)
+    log = Writer(
+        PARM=("INf", "TimeMS,Name,Value"),
+        IMU=("Iffffff", f"TimeMS,{','.join(AXES)}"),
+        IMU2=("Iffffff", f"TimeMS,{','.join(AXES)}"),
+        RCOU=("Ihhhhh", "TimeMS,Ch1,Ch2,Ch3,Ch4,Ch5"),
+        ATT=("IccC", "TimeMS,Roll,Pitch,Yaw"),
+        CURR=("Ih", "TimeMS,Volt"),
+    )
+    for name, value in parameters.items():
+        log.put("PARM", 0, name.encode(), value)
+    for k in range(60):
+        for unit in ("IMU", "IMU2"):
+            log.put(unit, 61_500 + 20 * k, *noise.normal(size=6))
+        log.put("RCOU", 61_501 + 20 * k, *(each + 5 * (k % 3) for each in outputs))
+        log.put("ATT", 61_502 + 20 * k, 1000, -2000, 30000)
+        log.put("CURR", 61_503 + 20 * k, 1245)
+    return log.data
+
+
+def read(folder: Path, data: bytes) -> FlightData:
+    (folder / "flight.BIN").write_bytes(data)
+    return load_flight(folder / "flight.BIN")
+
+
+def decoded(folder: Path, name: str, *fields: str, instance: int = 0) -> np.ndarray:
+    """Time and numbers of a message's fields, as pymavlink reads them."""
+    log, rows = DFReader.DFReader_binary(str(folder / "flight.BIN")), []
+    while (message := log.recv_match(type=name)) is not None:
+        row = message.to_dict()
+        if row.get("I", row.get("C", instance)) == instance:
+            stamp = row["TimeUS"] * 1e-6 if "TimeUS" in row else row["TimeMS"] * 1e-3
+            rows.append([stamp, *(row[field] for field in fields)])
+    log.data_map.close()
+    log.filehandle.close()
+    return np.array(rows)
+
+
+TURN = np.array([1.0, -1.0, -1.0])
+"""Factors from forward, right, down to forward, left, up."""
+
+
+@pytest.mark.parametrize("make", [recent, old])
+def test_the_readings_are_those_that_pymavlink_reads(tmp_path: Path, make: Any) -> None:
+    found = read(tmp_path, make(OUTPUTS))
+    start = found.facts["start"]
+    for name, fields in (("gyro", AXES[:3]), ("accelerometer", AXES[3:])):
+        rows = decoded(tmp_path, "IMU", *fields)
+        np.testing.assert_allclose(found[name].time + start, rows[:, 0], atol=1e-9)
+        np.testing.assert_array_equal(found[name].values, rows[:, 1:] * TURN)
+    assert found["gyro"].rate == pytest.approx(100.0 if make is recent else 50.0)
+    assert found["voltage"].values[0, 0] == pytest.approx(12.5 if make is recent else 12.45)
+
+
+def test_the_pose_is_that_of_the_filter_and_outputs_are_shares_of_their_range(tmp_path: Path) -> None:
+    found = read(tmp_path, recent(OUTPUTS | {"INS_POS1_X": 0.1, "INS_POS1_Y": 0.02, "INS_POS1_Z": -0.03}))
+    rows = decoded(tmp_path, "XKF1", "PN", "PE", "PD", "VN", "VE", "VD")
+    np.testing.assert_array_equal(found["position"].values, rows[:, 1:4] * TURN)
+    np.testing.assert_array_equal(found["velocity"].values, rows[:, 4:] * TURN)
+    q = decoded(tmp_path, "XKQ", "Q1", "Q2", "Q3", "Q4")[:, 1:] * [1.0, 1.0, -1.0, -1.0]
+    q /= np.linalg.norm(q, axis=1)[:, None]
+    np.testing.assert_allclose(np.abs(np.sum(found["quaternion"].values * q, axis=1)), 1.0, atol=1e-12)
+    rows = decoded(tmp_path, "RCOU", "C1", "C2", "C3", "C4")
+    np.testing.assert_allclose(found["rotor_commands"].values, (rows[:, 1:] - 1100.0) / 800.0)
+    assert found.place == {
+        "place.x": pytest.approx(0.1),
+        "place.y": pytest.approx(-0.02),
+        "place.z": pytest.approx(0.03),
+    }
+    assert found.facts["firmware"] == "ArduCopter V4.5.0 (0)"
+
+
+def test_angles_of_an_old_log_are_those_of_its_hundredths_of_a_degree(tmp_path: Path) -> None:
+    """Roll 10, pitch -20, yaw 300 degrees of forward, right, down in north, east, down: pitch and yaw turn about."""
+    rotation = pytest.importorskip("scipy.spatial.transform").Rotation
+    found = read(tmp_path, old({}))["quaternion"].values[0]
+    wanted = rotation.from_euler("ZYX", [-300.0, 20.0, 10.0], degrees=True).as_quat()
+    assert abs(found @ wanted[[3, 0, 1, 2]]) == pytest.approx(1.0, abs=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("parameters", "first", "count", "note"),
+    [
+        ({"RC3_MIN": 1000.0, "RC3_MAX": 1800.0}, 0.625, 4, "4 rotors are assumed"),
+        ({"RC3_MIN": 1000.0, "RC3_MAX": 1800.0, "MOT_PWM_MIN": 0.0, "MOT_PWM_MAX": 0.0}, 0.625, 4, "4 rotors"),
+        ({"RCMAP_THROTTLE": 2.0, "RC3_MIN": 1.0, "RC3_MAX": 2.0, "RC2_MIN": 1300.0, "RC2_MAX": 1700.0}, 0.5, 4, "4 ro"),
+        (OUTPUTS | {"FRAME_CLASS": 7.0, "MOT_PWM_TYPE": 6.0, "MOT_PWM_MIN": 1200.0}, 0.5, 3, ""),
+        ({f"SERVO{k}_FUNCTION": f for k, f in ((1, 34.0), (2, 33.0), (3, 70.0))} | OUTPUTS, 0.5, 2, ""),
+        ({"FRAME_CLASS": 1.0, "RC3_MIN": 1600.0, "RC3_MAX": 1900.0}, 0.0, 4, ""),
+        ({"FRAME_CLASS": 1.0}, 0.5, 4, "limits of 1000 and 2000 us are assumed"),
+    ],
+)
+def test_outputs_and_their_limits_are_those_of_the_parameters(
+    tmp_path: Path, parameters: dict[str, float], first: float, count: int, note: str
+) -> None:
+    found = read(tmp_path, old(parameters))
+    assert found["rotor_commands"].values.shape[1] == count
+    assert found["rotor_commands"].values[0, 0] == pytest.approx(first)
+    assert note in " ".join(found.notes)
+    if count == 2:
+        assert found["rotor_commands"].source == "rotor signals: output Ch2, output Ch1"
+
+
+def test_outputs_of_no_known_rotors_are_left_out_with_a_note(tmp_path: Path) -> None:
+    found = read(tmp_path, old({}, (1500, 1400, 1300, 1200, 0)))
+    assert "rotor_commands" not in found
+    assert "rotor_commands: are left out, as nothing says which outputs drive rotors" in found.notes[-1]
+
+
+def test_a_second_unit_and_whole_number_fields_are_tables_apart(tmp_path: Path) -> None:
+    gyro = {"topic": "IMU[1]", "columns": list(AXES[:3]), "frame": "FRD"}
+    data = recent(OUTPUTS)
+    assert "PIDR" in read(tmp_path, data).unused  # its I is no instance
+    second = load_flight(tmp_path / "flight.BIN", columns_from({"gyro": gyro}))["gyro"].values
+    np.testing.assert_array_equal(second, decoded(tmp_path, "IMU", *AXES[:3], instance=1)[:, 1:] * TURN)
+
+
+def rows_of(flight: FlightData) -> set[tuple[Any, ...]]:
+    """Readings with their times in the file, to the us."""
+    start = float(flight.facts["start"])
+    return {
+        (name, round(start + time, 6), *row)
+        for name in ("gyro", "accelerometer", "position", "voltage")
+        if name in flight
+        for time, row in zip(flight[name].time.tolist(), flight[name].values.tolist(), strict=True)
+    }
+
+
+def test_of_damaged_logs_rows_are_lost_with_a_note_and_none_is_invented(tmp_path: Path) -> None:
+    draw, data = np.random.default_rng(0), recent(OUTPUTS)
+    every, said = rows_of(read(tmp_path, data)), 0
+    for k in range(200):
+        begin = int(draw.integers(0, len(data) - 100))
+        end = (len(data), begin + int(draw.integers(1, 14)), begin + int(draw.integers(1, 90)))[k % 3]
+        filling = b"" if k % 3 < 2 else bytes(draw.integers(0, 256, end - begin, np.uint8))
+        try:
+            found = read(tmp_path, data[:begin] + filling + data[end:])
+        except ValueError as error:
+            assert "\n" not in str(error)
+            said += 1
+            continue
+        said += any("belong to no whole message" in note for note in found.notes)
+        # no check sum: bytes replaced within a number are not seen, nor is a loss as long as some messages
+        assert len(rows_of(found) - every) <= (0 if k % 3 < 2 else 4)
+    assert said > 150
+
+
+def test_of_two_logs_in_a_file_the_longer_is_read(tmp_path: Path) -> None:
+    data = recent(OUTPUTS)
+    alone = rows_of(read(tmp_path, data))
+    both = read(tmp_path, old({})[:3000] + data)
+    assert rows_of(both) == alone
+    assert both.notes[0] == "file: holds 2 logs; the longest is read."
+
+
+def test_logs_that_are_none_are_one_line_with_the_cause(tmp_path: Path) -> None:
+    log = Writer(TIME=("Q", "StartTime"), IMU=("ff", "AccX,GyroX"))
+    log.put("TIME", 1)
+    log.put("IMU", 1.0, 2.0)
+    for data, words in (
+        (log.data, r"messages: have no times .* PX4 before 2017 \(\.px4log\): log as \.ulg, with a newer version"),
+        (Writer(IMU=("ff", "GyrX,AccX")).data, "messages: have no times .* ArduPilot before 2014"),
+        (b"", "messages: none defines a type"),
+        (b"\xa3\x95", "messages: none defines a type"),
+        (bytes(5000), "messages: none defines a type"),
+    ):
+        with pytest.raises(ValueError, match=words) as error:
+            read(tmp_path, data)
+        assert "\n" not in str(error.value)
