@@ -242,3 +242,9 @@ def test_logs_that_are_none_are_one_line_with_the_cause(tmp_path: Path) -> None:
         with pytest.raises(ValueError, match=words) as error:
             read(tmp_path, data)
         assert "\n" not in str(error.value)
+
+
+def test_telemetry_is_refused_with_the_log_to_take_in_its_place(tmp_path: Path) -> None:
+    (tmp_path / "flight.tlog").write_bytes(bytes(8) + b"\xfe\x09")
+    with pytest.raises(ValueError, match=r"telemetry: has a few rows a second; read the log .*, \.bin or \.ulg$"):
+        load_flight(tmp_path / "flight.tlog")

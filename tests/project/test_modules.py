@@ -47,6 +47,7 @@ def test_no_module_imports_a_private_name_of_another():
 
 
 INSTALLED_AS = {
+    "betaflight-chirp-core": "betaflight_chirp_core",
     "dynamixel-sdk": "dynamixel_sdk",
     "mujoco-core": "mujoco",
     "pillow": "PIL",

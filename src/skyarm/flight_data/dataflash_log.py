@@ -229,3 +229,15 @@ def _motor_outputs(outputs: RawTable, parameters: Mapping[str, float], notes: li
 
 
 DATAFLASH = FlightFormat(read_dataflash, suffixes=("bin", "px4log"), begins=(MAGIC,))
+
+
+def refuse_telemetry(path: Path, columns: Columns | None) -> FlightData:
+    """Refuse a file of MAVLink telemetry, whose few rows a second identify nothing.
+
+    Raises:
+        ValueError: one line, always.
+    """
+    raise ValueError("telemetry: has a few rows a second; read the log of the vehicle's memory card, .bin or .ulg")
+
+
+TELEMETRY = FlightFormat(refuse_telemetry, suffixes=("tlog",))
