@@ -62,7 +62,7 @@ def _table_of(path: Path, columns: Columns | None, notes: list[str]) -> RawTable
     used = [name for name in dict.fromkeys(names) if name and mapped & {name, f"-{name}"}]
     if twice := sorted(name for name in used if names.count(name) > 1):
         raise ValueError(f"head = {shown(twice[0])}: names {names.count(twice[0])} columns: must name one")
-    rows = _rows(body, {name: names.index(name) for name in used}, separator, len(names), notes)
+    rows = numbers_of_rows(body, {name: names.index(name) for name in used}, separator, len(names), notes)
     if not len(rows):
         raise ValueError("rows = 0: must be one or more")
     others = dict.fromkeys(filter(None, names), np.zeros(0))  # not read: a mapping names none of them
@@ -76,7 +76,7 @@ def _alike(head: str, rows: str, separator: str) -> float:
     return sum(alike) / max(1, len(alike))
 
 
-def _rows(body: str, places: Mapping[str, int], separator: str, width: int, notes: list[str]) -> Array:
+def numbers_of_rows(body: str, places: Mapping[str, int], separator: str, width: int, notes: list[str]) -> Array:
     """Numeric values (N, columns) of the rows; NaN for empty or non-numeric cells, and for incomplete rows.
 
     Args:

@@ -1,0 +1,66 @@
+"""Reader of takes that Motive (OptiTrack) exports as CSV.
+
+The first line has facts in pairs; lines with type and name of each column, its group (Rotation, Position) and its axis
+follow, the last of which begins with ``Frame``. Motive's world has x, y up and z; ours is x, -z, y of it. The axes of a
+rigid body are those of the world when it was defined: define it with its nose along x.
+"""
+
+from __future__ import annotations
+
+import csv
+from pathlib import Path
+
+from skyarm.flight_data.columns_file import Columns, QuantitySource
+from skyarm.flight_data.flight_data import FlightData, FlightFormat
+from skyarm.flight_data.raw_tables import RawTable, flight_of
+from skyarm.flight_data.table_file import numbers_of_rows
+from skyarm.records.files import must_be_one_of, shown
+
+BEGINNING = b"Format Version,"
+"""First bytes of a take, behind a byte order mark if there is one."""
+
+BODY = "Rigid Body"
+"""Type of the columns that are read."""
+
+LENGTHS = {"Meters": 1.0, "Centimeters": 0.01, "Millimeters": 0.001}
+"""Unit of lengths in the first line -> m."""
+
+
+def read_motive(path: Path, columns: Columns | None) -> FlightData:
+    """Read the pose of a rigid body from a take, of several the first.
+
+    Raises:
+        ValueError: one line: a damaged head, or no rigid body with rotations as quaternions. OSError: it cannot be
+            read.
+    """
+    lines = path.read_bytes().decode("utf-8-sig", "replace").splitlines()
+    begin = next((k for k, line in enumerate(lines) if line.startswith("Frame,")), 0)
+    if begin < 2:
+        raise ValueError("head: must have a line that begins with Frame; export it anew")
+    first, *labels, groups, axes = csv.reader(lines[: begin + 1])
+    stated = dict(zip(first[::2], first[1::2], strict=False))
+    for name, allowed in (("Rotation Type", ("Quaternion",)), ("Length Units", tuple(LENGTHS))):
+        if stated.get(name) not in allowed:
+            raise ValueError(f"{name} = {shown(stated.get(name, ''))}: {must_be_one_of(allowed, '')}; export it anew")
+    kinds, names = (next((row for row in labels if row[1:2] == [word]), []) for word in ("Type", "Name"))
+    places = {
+        f"{name}: {group} {axis}": k
+        for k, (kind, name, group, axis) in enumerate(zip(kinds, names, groups, axes, strict=False))
+        if kind == BODY and axis
+    }
+    bodies = list(dict.fromkeys(name.partition(": ")[0] for name in places))
+    if not bodies:
+        raise ValueError(f"columns: none is of a {BODY}; define one in Motive, and export it")
+    notes = [f"bodies: {', '.join(bodies)}: the first is read; a columns.toml may map another."] if bodies[1:] else []
+    rows = numbers_of_rows("\n".join(lines[begin + 1 :]), {"time": 1, **places}, ",", len(axes), notes)
+    table = RawTable(columns=dict(zip(places, rows[:, 1:].T, strict=True)), time=rows[:, 0])
+    place = tuple(f"{sign}{bodies[0]}: Position {axis}" for sign, axis in (("", "X"), ("-", "Z"), ("", "Y")))
+    turn = tuple(f"{sign}{bodies[0]}: Rotation {axis}" for sign, axis in (("", "W"), ("", "X"), ("-", "Z"), ("", "Y")))
+    usual = {
+        "position": (QuantitySource(columns=place, scale=LENGTHS[stated["Length Units"]]),),
+        "quaternion": (QuantitySource(columns=turn),),
+    }
+    return flight_of(path, {"": table}, usual, columns, facts={"vehicle": bodies[0]}, notes=notes)
+
+
+MOTIVE = FlightFormat(read_motive, begins=(BEGINNING, b"\xef\xbb\xbf" + BEGINNING))
