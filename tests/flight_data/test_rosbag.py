@@ -471,3 +471,73 @@ def test_an_inertial_unit_that_fixed_transforms_turn_is_read_in_base_axes(tmp_pa
     own = tmp_path / "own.toml"
     own.write_text('[gyro]\ncolumns = ["angular_velocity.x", "angular_velocity.y", "angular_velocity.z"]\n')
     np.testing.assert_array_equal(flight_in("imu_link", own)["gyro"].values, rates["imu_link"])
+
+
+OF_PX4 = {
+    "SensorCombined": "uint64 timestamp\nfloat32[3] gyro_rad\nfloat32[3] accelerometer_m_s2\n",
+    "VehicleOdometry": "uint64 timestamp\nuint64 timestamp_sample\nfloat32[3] position\n"
+    "float32[4] q\nfloat32[3] velocity\n",
+    "ActuatorMotors": "uint64 timestamp\nfloat32[12] control\n",
+    "BatteryStatus": "uint64 timestamp\nfloat32 voltage_v\n",
+}
+
+
+def px4_bag(folder: Path, draw: np.random.Generator) -> tuple[Path, dict[str, np.ndarray]]:
+    """Bag of PX4's messages, sent every 4 ms since 30 s after boot and late by up to 9 ms; and their numbers."""
+    store = get_typestore(Stores.ROS2_HUMBLE)
+    for name, text in OF_PX4.items():
+        store.register(get_types_from_msg(text, f"px4_msgs/msg/{name}"))
+    sent = {name: draw.normal(size=(100, 18)).astype(np.float32) for name in OF_PX4}
+    rows = []
+    for k in range(100):
+        stamp = 30_000_000 + 4000 * k
+        at = {name: np.split(numbers[k], [3, 6, 10, 13]) for name, numbers in sent.items()}
+        place, _, turn, speed, _ = at["VehicleOdometry"]
+        motors = np.array([*sent["ActuatorMotors"][k, :4], *[np.nan] * 8], np.float32)
+        fields = {
+            "SensorCombined": (stamp, *at["SensorCombined"][:2]),
+            "VehicleOdometry": (stamp, stamp, place, turn, speed),
+            "ActuatorMotors": (stamp, motors),
+            "BatteryStatus": (stamp, float(sent["BatteryStatus"][k, 0])),
+        }
+        for name, values in fields.items():
+            late = int(draw.integers(1_000_000, 9_000_000))
+            message = store.types[f"px4_msgs/msg/{name}"](*values)
+            rows.append((START + 4_000_000 * k + late, name, message))
+    made, path = writer("mcap", folder)
+    with made:
+        topics = {
+            each: made.add_connection(f"/fmu/out/{each}", f"px4_msgs/msg/{each}", typestore=store) for each in sent
+        }
+        for when, name, message in sorted(rows, key=lambda row: row[0]):
+            made.write(topics[name], when, store.serialize_cdr(message, f"px4_msgs/msg/{name}"))
+    return path, sent
+
+
+def test_messages_of_px4_have_their_stamps_axes_and_order(tmp_path: Path) -> None:
+    path, sent = px4_bag(tmp_path, np.random.default_rng(0))
+    turn, found = np.array([1.0, -1.0, -1.0]), load_flight(path)
+    for name in found:
+        np.testing.assert_allclose(found[name].time, 0.004 * np.arange(100), atol=2e-6)
+    np.testing.assert_array_equal(found["gyro"].values, sent["SensorCombined"][:, :3] * turn)
+    np.testing.assert_array_equal(found["accelerometer"].values, sent["SensorCombined"][:, 3:6] * turn)
+    np.testing.assert_array_equal(found["position"].values, sent["VehicleOdometry"][:, :3] * turn)
+    np.testing.assert_array_equal(found["velocity"].values, sent["VehicleOdometry"][:, 10:13] * turn)
+    q = Rotation.from_quat(sent["VehicleOdometry"][:, [7, 8, 9, 6]])
+    flip = Rotation.from_quat([1, 0, 0, 0])  # half a turn about x, of world and of base
+    read = Rotation.from_quat(found["quaternion"].values[:, [1, 2, 3, 0]])
+    assert (read.inv() * (flip * q * flip)).magnitude().max() < 1e-6
+    np.testing.assert_array_equal(found["rotor_commands"].values, sent["ActuatorMotors"][:, :4])
+    np.testing.assert_array_equal(found["voltage"].values, sent["BatteryStatus"][:, :1])
+    assert found.notes == ()
+    assert START * 1e-9 <= float(found.facts["start"]) < START * 1e-9 + 0.009
+
+
+def test_a_mapping_of_the_stamps_of_px4_fits_what_it_leaves_to_the_format(tmp_path: Path) -> None:
+    from skyarm.flight_data.columns_file import columns_from
+
+    path, sent = px4_bag(tmp_path, np.random.default_rng(0))
+    gyro = {"topic": "/fmu/out/SensorCombined", "columns": [f"gyro_rad[{k}]" for k in range(3)]}
+    found = load_flight(path, columns_from({"time": {"column": "timestamp", "unit": "us"}, "gyro": gyro}))
+    np.testing.assert_array_equal(found["gyro"].values, sent["SensorCombined"][:, :3])
+    np.testing.assert_allclose(found["gyro"].time, found["position"].time, atol=2e-6)

@@ -90,11 +90,9 @@ def read_dataflash(path: Path, columns: Columns | None) -> FlightData:
     Raises:
         ValueError: one line: it is no such file, or of another autopilot. OSError: it cannot be read.
     """
-    data = path.read_bytes()
-    begins = [0, *(each.start() for each in re.finditer(re.escape(BEGINNING), data) if each.start())]
-    sections = [data[begin:end] for begin, end in zip(begins, [*begins[1:], len(data)], strict=True)]
-    notes = [f"file: holds {len(sections)} logs; the longest is read."] if len(sections) > 1 else []
-    rows = _rows(max(sections, key=len), notes)
+    logs = [each for each in path.read_bytes().split(BEGINNING) if each]
+    notes = [f"file: holds {len(logs)} logs; the longest is read."] if len(logs) > 1 else []
+    rows = _rows(BEGINNING + max(logs, key=len, default=b""), notes)
     tables = dict(_tables(rows))
     if not tables:
         old = "PX4 before 2017 (.px4log): log as .ulg" if "TIME" in rows else "ArduPilot before 2014: log anew"

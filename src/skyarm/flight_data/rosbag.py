@@ -51,6 +51,9 @@ LARGE = re.compile(r"Image|PointCloud|LaserScan|OccupancyGrid|Marker|TFMessage")
 IMU, STATIC, BASE = "sensor_msgs/msg/Imu", "/tf_static", "base_link"
 """Type of the messages of inertial units, topic of fixed transforms, and frame of the base (REP 105)."""
 
+PX4, STAMP = "px4_msgs/", "timestamp"
+"""Beginning of the types of PX4's messages, and their field of the time (us), of PX4's own clock."""
+
 SECOND, NANO = 1_000_000_000, 1e-9
 
 
@@ -65,6 +68,7 @@ LISTS: Mapping[str, Mapping[str, str]] = {
     },
     "mav_msgs/msg/Actuators": {"rotor_speeds": "angular_velocities"},
     "actuator_msgs/msg/Actuators": {"rotor_speeds": "velocity"},
+    "px4_msgs/msg/ActuatorMotors": {"rotor_commands": "control"},
 }
 """Message type -> quantity -> list with a number for each joint or rotor."""
 
@@ -115,7 +119,11 @@ def read_bag(path: Path, columns: Columns | None) -> FlightData:
         there = ", ".join(sorted(f"{topic} ({kind})" for topic, kind in kinds.items())[:20])
         raise ValueError(f"topics: none that is read holds a message; there is {there or 'none'}")
     origin = min(min(each.received) for each in rows.values())
-    tables = {topic: _table(each, origin) for topic, each in rows.items()}
+    tables = {topic: _table(each, origin, of_px4=kinds[topic].startswith(PX4)) for topic, each in rows.items()}
+    if of_px4 := {topic: each for topic, each in tables.items() if kinds[topic].startswith(PX4)}:
+        delays = [np.min(each.received - each.time) for each in of_px4.values() if each.received is not None]
+        moved = origin * NANO if columns is not None and columns.time == STAMP else float(min(delays))
+        tables |= {topic: replace(each, time=each.time + moved) for topic, each in of_px4.items()}
     usual = _usual(tables, kinds)
     for name, signals in usual.items():
         if len(signals) > 1 and name not in own:
@@ -207,7 +215,7 @@ def _numbers_of(message: Any, place: str) -> Iterator[tuple[str, SupportsFloat]]
             yield from _numbers_of(value, f"{at}.")
 
 
-def _table(rows: _Rows, origin: int) -> RawTable:
+def _table(rows: _Rows, origin: int, *, of_px4: bool = False) -> RawTable:
     """Numeric table of a ROS topic, NaN where a message lacks a number; named list entries also by index."""
     every = {name: place for place, name in enumerate(dict.fromkeys(chain(*rows.numbers)))}
     table = np.full((len(rows.received), len(every)), np.nan)
@@ -231,7 +239,11 @@ def _table(rows: _Rows, origin: int) -> RawTable:
         seconds, rest = (np.nan_to_num(columns[f"header.stamp.{part}"]).astype(int) for part in ("sec", "nanosec"))
         stated = seconds * SECOND + rest
         stamps = np.where(stated == 0, received, stated)
-    return RawTable(columns=columns, time=(stamps - origin) * NANO, received=(received - origin) * NANO)
+    elif of_px4 and STAMP in columns:
+        stamps = columns[STAMP] * 1e3
+    order = np.argsort(stamps, kind="stable") if of_px4 else slice(None)  # as they were sent, not as they arrived
+    time, arrival = ((each[order] - origin) * NANO for each in (stamps, received))
+    return RawTable(columns={name: each[order] for name, each in columns.items()}, time=time, received=arrival)
 
 
 def _usual(tables: Mapping[str, RawTable], kinds: Mapping[str, str]) -> dict[str, list[QuantitySource]]:
