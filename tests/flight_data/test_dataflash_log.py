@@ -16,7 +16,7 @@ DFReader = pytest.importorskip("pymavlink.DFReader")
 
 CODES = dict(zip("BhHiIfQcCnNZL", ["B", "h", "H", "i", "I", "f", "Q", "h", "H", "4s", "16s", "64s", "i"], strict=True))
 AXES = ("GyrX", "GyrY", "GyrZ", "AccX", "AccY", "AccZ")
-OUTPUTS = {"FRAME_CLASS": 1.0, "MOT_PWM_MIN": 1100.0, "MOT_PWM_MAX": 1900.0}
+OUTPUTS = {**{f"SERVO{k}_FUNCTION": 32.0 + k for k in range(1, 5)}, "MOT_PWM_MIN": 1100.0, "MOT_PWM_MAX": 1900.0}
 
 
 class Writer:
@@ -75,7 +75,7 @@ def old(parameters: dict[str, float], outputs: tuple[int, ...] = (1500, 1500, 15
     """Log of ArduPilot 3: stamps in ms, a message for each inertial unit, angles in hundredths of a degree."""
     noise = np.random.default_rng(1)
     log = Writer(
-        PARM=("INf", "TimeMS,Name,Value"),
+        PARM=("Nf", "Name,Value"),
         IMU=("Iffffff", f"TimeMS,{','.join(AXES)}"),
         IMU2=("Iffffff", f"TimeMS,{','.join(AXES)}"),
         RCOU=("Ihhhhh", "TimeMS,Ch1,Ch2,Ch3,Ch4,Ch5"),
@@ -83,7 +83,7 @@ def old(parameters: dict[str, float], outputs: tuple[int, ...] = (1500, 1500, 15
         CURR=("Ih", "TimeMS,Volt"),
     )
     for name, value in parameters.items():
-        log.put("PARM", 0, name.encode(), value)
+        log.put("PARM", name.encode(), value)
     for k in range(60):
         for unit in ("IMU", "IMU2"):
             log.put(unit, 61_500 + 20 * k, *noise.normal(size=6))
@@ -159,10 +159,10 @@ def test_angles_of_an_old_log_are_those_of_its_hundredths_of_a_degree(tmp_path: 
         ({"RC3_MIN": 1000.0, "RC3_MAX": 1800.0}, 0.625, 4, "4 rotors are assumed"),
         ({"RC3_MIN": 1000.0, "RC3_MAX": 1800.0, "MOT_PWM_MIN": 0.0, "MOT_PWM_MAX": 0.0}, 0.625, 4, "4 rotors"),
         ({"RCMAP_THROTTLE": 2.0, "RC3_MIN": 1.0, "RC3_MAX": 2.0, "RC2_MIN": 1300.0, "RC2_MAX": 1700.0}, 0.5, 4, "4 ro"),
-        (OUTPUTS | {"FRAME_CLASS": 7.0, "MOT_PWM_TYPE": 6.0, "MOT_PWM_MIN": 1200.0}, 0.5, 3, ""),
-        ({f"SERVO{k}_FUNCTION": f for k, f in ((1, 34.0), (2, 33.0), (3, 70.0))} | OUTPUTS, 0.5, 2, ""),
-        ({"FRAME_CLASS": 1.0, "RC3_MIN": 1600.0, "RC3_MAX": 1900.0}, 0.0, 4, ""),
-        ({"FRAME_CLASS": 1.0}, 0.5, 4, "limits of 1000 and 2000 us are assumed"),
+        (OUTPUTS | {"MOT_PWM_TYPE": 6.0, "MOT_PWM_MIN": 1200.0}, 0.5, 4, ""),
+        (OUTPUTS | {f"SERVO{k}_FUNCTION": f for k, f in ((1, 34.0), (2, 33.0), (3, 70.0), (4, 0.0))}, 0.5, 2, ""),
+        ({"RC3_MIN": 1600.0, "RC3_MAX": 1900.0}, 0.0, 4, ""),
+        ({}, 0.5, 4, "limits of 1000 and 2000 us are assumed"),
     ],
 )
 def test_outputs_and_their_limits_are_those_of_the_parameters(
@@ -245,6 +245,6 @@ def test_logs_that_are_none_are_one_line_with_the_cause(tmp_path: Path) -> None:
 
 
 def test_telemetry_is_refused_with_the_log_to_take_in_its_place(tmp_path: Path) -> None:
-    (tmp_path / "flight.tlog").write_bytes(bytes(8) + b"\xfe\x09")
-    with pytest.raises(ValueError, match=r"telemetry: has a few rows a second; read the log .*, \.bin or \.ulg$"):
+    (tmp_path / "flight.tlog").write_bytes(bytes(8) + b"\xfe\x09" + bytes(40))
+    with pytest.raises(ValueError, match=r"telemetry \(\.tlog\) is too slow: read the \.bin of its flight$"):
         load_flight(tmp_path / "flight.tlog")

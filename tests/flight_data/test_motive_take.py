@@ -92,9 +92,12 @@ def test_takes_that_hold_no_pose_are_one_line_with_what_to_export(
     for text, words in (
         (
             take({"quad": motion[0]}, motion[1], kind="XYZ"),
-            "Rotation Type = 'XYZ': must be .*Quaternion.*; export it anew",
+            "head = .*'XYZ'.*: export it anew, with quaternions",
         ),
-        (take({"quad": motion[0]}, motion[1], unit="Inches"), "Length Units = 'Inches': must be one of"),
+        (
+            take({"quad": motion[0]}, motion[1], unit="Inches"),
+            "head = .*: export it anew, with quaternions and lengths",
+        ),
         (good.replace("Rigid Body", "Marker"), "columns: none is of a Rigid Body"),
         (good[: good.index("Frame,")], "head: must have a line that begins with Frame"),
         (good[: good.index("\n0,")], "channels = none|rows = 0"),

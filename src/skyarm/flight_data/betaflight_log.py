@@ -44,28 +44,25 @@ def read_betaflight(path: Path, columns: Columns | None) -> FlightData:
         cure = f"{needs_extra('blackbox')}; or decode it by blackbox_decode to .csv, with a columns.toml"
         raise ValueError(f"betaflight-chirp-core: is missing; a log of Betaflight {cure}") from None
     logs = split_sessions(data)
-    if not logs:
-        raise ValueError(f"file: must hold a line {BEGINNING.decode()}, as of a blackbox log")
     notes = [f"file: holds {len(logs)} logs; the longest is read."] if len(logs) > 1 else []
-    log = FlightLogParser(data, *max(logs, key=lambda each: each[1] - each[0]))
+    log = FlightLogParser(data, *max(logs, key=lambda each: each[1] - each[0], default=(0, len(data))))
     try:
         log.parse_header()
         log.parse_data()
+        head, names = log.sys_config, log.main_field_names
+        rows = dict(zip(names, np.array(log.main_frames, float).reshape(-1, len(names)).T, strict=True))
+        table = RawTable(columns=rows, time=rows["time"] * 1e-6)
+        usual = {name: (each,) for name, each in _sources(table, head, notes).items()}
     except Exception as error:  # of a damaged file, in whichever of its parts
         raise ValueError(f"file: must be a whole blackbox log ({type(error).__name__}: {error})") from None
-    head: dict[str, Any] = log.sys_config
     if head["firmwareType"] == "inav":
         raise ValueError("firmware: is INAV; decode its log by its own blackbox_decode to .csv, with a columns.toml")
-    if not log.main_frames:
-        raise ValueError("rows = 0: must be one or more")
     lost = log.stats["total_corrupt_frames"] + sum(each["desync"] for each in log.stats["frame"].values())
     if lost:
-        count = lost + len(log.main_frames)
-        notes.append(f"file: {lost} of {count} rows are damaged, or follow damage, and are left out.")
-    rows = dict(zip(log.main_field_names, np.array(log.main_frames, float).T, strict=True))
-    table = RawTable(columns=rows, time=rows["time"] * 1e-6)
-    facts: dict[str, str | float] = {"vehicle": "Betaflight", "firmware": str(head.get("Firmware revision", "unknown"))}
-    usual = {name: (each,) for name, each in _sources(table, head, notes).items()}
+        notes.append(
+            f"file: {lost} of {lost + len(log.main_frames)} rows are damaged or follow damage; they are left out."
+        )
+    facts = {"vehicle": "Betaflight", "firmware": f"{head.get('Firmware revision', 'unknown')}"}
     return flight_of(path, {"": table}, usual, columns, facts=facts, notes=notes)
 
 
@@ -80,7 +77,7 @@ def _sources(table: RawTable, head: dict[str, Any], notes: list[str]) -> dict[st
     else:
         notes.append("accelerometer: is switched off; set acc_hardware = AUTO and log again.")
     low, high = head["motorOutput"]
-    if (outputs := _entries(table, "motor")) and high > low:
+    if outputs := _entries(table, "motor"):
         sources["rotor_commands"] = QuantitySource(columns=outputs, low=float(low), high=float(high))
     if speeds := _entries(table, "eRPM"):
         sources["rotor_speeds"] = QuantitySource(columns=speeds, unit="rpm", scale=200.0 / head["motor_poles"])

@@ -14,7 +14,7 @@ from skyarm.flight_data.columns_file import Columns, QuantitySource
 from skyarm.flight_data.flight_data import FlightData, FlightFormat
 from skyarm.flight_data.raw_tables import RawTable, flight_of
 from skyarm.flight_data.table_file import numbers_of_rows
-from skyarm.records.files import must_be_one_of, shown
+from skyarm.records.files import shown
 
 BEGINNING = b"Format Version,"
 """First bytes of a take, behind a byte order mark if there is one."""
@@ -39,9 +39,9 @@ def read_motive(path: Path, columns: Columns | None) -> FlightData:
         raise ValueError("head: must have a line that begins with Frame; export it anew")
     first, *labels, groups, axes = csv.reader(lines[: begin + 1])
     stated = dict(zip(first[::2], first[1::2], strict=False))
-    for name, allowed in (("Rotation Type", ("Quaternion",)), ("Length Units", tuple(LENGTHS))):
-        if stated.get(name) not in allowed:
-            raise ValueError(f"{name} = {shown(stated.get(name, ''))}: {must_be_one_of(allowed, '')}; export it anew")
+    scale = LENGTHS.get(stated.get("Length Units", ""))
+    if scale is None or stated.get("Rotation Type") != "Quaternion":
+        raise ValueError(f"head = {shown(stated)}: export it anew, with quaternions and lengths in m, cm or mm")
     kinds, names = (next((row for row in labels if row[1:2] == [word]), []) for word in ("Type", "Name"))
     places = {
         f"{name}: {group} {axis}": k
@@ -54,11 +54,11 @@ def read_motive(path: Path, columns: Columns | None) -> FlightData:
     notes = [f"bodies: {', '.join(bodies)}: the first is read; a columns.toml may map another."] if bodies[1:] else []
     rows = numbers_of_rows("\n".join(lines[begin + 1 :]), {"time": 1, **places}, ",", len(axes), notes)
     table = RawTable(columns=dict(zip(places, rows[:, 1:].T, strict=True)), time=rows[:, 0])
-    place = tuple(f"{sign}{bodies[0]}: Position {axis}" for sign, axis in (("", "X"), ("-", "Z"), ("", "Y")))
-    turn = tuple(f"{sign}{bodies[0]}: Rotation {axis}" for sign, axis in (("", "W"), ("", "X"), ("-", "Z"), ("", "Y")))
+    x, y, z = (f"{bodies[0]}: Position {axis}" for axis in "XYZ")
+    a, b, c, w = (f"{bodies[0]}: Rotation {axis}" for axis in "XYZW")
     usual = {
-        "position": (QuantitySource(columns=place, scale=LENGTHS[stated["Length Units"]]),),
-        "quaternion": (QuantitySource(columns=turn),),
+        "position": (QuantitySource(columns=(x, f"-{z}", y), scale=scale),),
+        "quaternion": (QuantitySource(columns=(w, a, f"-{c}", b)),),
     }
     return flight_of(path, {"": table}, usual, columns, facts={"vehicle": bodies[0]}, notes=notes)
 

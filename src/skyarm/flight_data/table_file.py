@@ -34,15 +34,15 @@ def read_table(path: Path, columns: Columns | None) -> FlightData:
             read.
     """
     notes: list[str] = []
-    signals = {} if columns is None else columns.signals
-    files = dict.fromkeys(["", *(each.file for each in signals.values())])
-    if len(files) == 1 or columns is None:
+    if columns is None or not any(each.file for each in columns.signals.values()):
         return flight_of(path, {"": _table_of(path, columns, notes)}, {}, columns, notes=notes)
+    of_files = {
+        name: replace(each, topic=each.topic or each.file or path.name) for name, each in columns.signals.items()
+    }
     tables = {}
-    for name in files:
-        require_file(path.parent / name if name else path, f"file = {shown(name)}")
-        tables[name or path.name] = _table_of(path.parent / name if name else path, columns, notes)
-    of_files = {name: replace(each, topic=each.topic or each.file or path.name) for name, each in signals.items()}
+    for name in dict.fromkeys([path.name, *(each.file for each in columns.signals.values() if each.file)]):
+        require_file(path.parent / name, f"file = {shown(name)}")
+        tables[name] = _table_of(path.parent / name, columns, notes)
     return flight_of(path, tables, {}, replace(columns, signals=of_files), notes=notes)
 
 
@@ -89,7 +89,8 @@ def numbers_of_rows(body: str, places: Mapping[str, int], separator: str, width:
     Raises:
         ValueError: one line: a column without any number.
     """
-    numbers, count, short, wrong, decimal = array("d"), 0, 0, dict[str, list[str]](), 0
+    numbers, first_wrong = array("d"), dict[str, str]()
+    count = short = wrong = decimal = 0
     point = "." if separator == "," else ","
     for cells in _cells(body, separator):
         filled = [cell.strip() for cell in cells]
@@ -104,18 +105,19 @@ def numbers_of_rows(body: str, places: Mapping[str, int], separator: str, width:
                 row[k] = float(filled[place].replace(point, ".") or "nan")
                 decimal += "," in filled[place]
             except ValueError:
-                wrong.setdefault(name, []).append(filled[place])
+                first_wrong.setdefault(name, filled[place][:40])
+                wrong += 1
         numbers.extend(row)
         count += 1
     if short:
         notes.append(f"file: {short} of {count} rows have not the {width} cells of the head and count as empty.")
     table = np.array(numbers).reshape(count, len(places))
-    for (name, cells), column in ((each, table[:, list(places).index(each[0])]) for each in wrong.items()):
-        if np.isnan(column).all():
-            cell = shown(cells[0][:40])
+    for name, column in zip(places, table.T, strict=True):
+        if name in first_wrong and np.isnan(column).all():
+            cell = shown(first_wrong[name])
             raise ValueError(f"{name} = {cell}: must be a number in each cell; split lists, and write times as numbers")
     if wrong:
-        notes.append(f"file: {sum(map(len, wrong.values()))} cells are no numbers and count as empty.")
+        notes.append(f"file: {wrong} cells are no numbers and count as empty.")
     if decimal:
         notes.append(f"file: {decimal} cells have a decimal comma.")
     return table

@@ -87,3 +87,26 @@ def test_of_a_log_that_is_too_short_the_channels_are_shown_and_what_is_needed():
 )  # fmt: skip
 def test_options_that_have_no_effect_are_one_line(words, message):
     refused(skyarm(*words), message)
+
+
+def test_a_page_says_what_is_missing_for_what_and_what_to_do_next(tmp_path):
+    shown = skyarm("show", str(CRAZYFLIE_LOG), columns=200).out
+    assert "missing: quaternion: without it no drag, no check of the clocks, and wider intervals" in shown
+    assert shown.rstrip().endswith(f"next: skyarm show {CRAZYFLIE_LOG} --vehicle VEHICLE")
+    whole = skyarm("show", str(TREFOIL_LOG), columns=200).out
+    assert "missing: " not in whole
+    Path("columns.toml").write_text('[time]\ncolumn = "t"\n[gyro]\ncolumns = ["p", "q", "r"]\n')
+    Path("a b.csv").write_text("t,p,q,r\n" + "".join(f"{0.01 * k + 6.0 * (k > 50)},1,2,{k}\n" for k in range(100)))
+    poor = skyarm("show", "a b.csv", columns=200).out
+    for name in ("accelerometer", "rotor_commands"):
+        assert f"missing: {name}: nothing can be identified without it" in poor
+    assert "missing: gyro" not in poor
+    assert "flights: 2, with pauses of more than 5 s between them" in poor
+    assert "next: " not in poor
+
+
+@pytest.mark.usefixtures("unsearched")
+def test_behind_the_excitation_stands_the_search_to_run(monkeypatch):
+    monkeypatch.setattr(identify_windows, "fit_windows", partial(fit_windows, turns=1))
+    shown = skyarm("show", str(TREFOIL_LOG), "--vehicle", "crazyflie.toml", columns=200).out
+    assert f"next: skyarm identify flights {TREFOIL_LOG} --vehicle crazyflie.toml --known mass=KG" in shown

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict
 from pathlib import Path
+from shlex import quote
 
 from skyarm.cli.output import bar, give, tell
 from skyarm.flight_data.clocks import clock_offset
@@ -61,12 +62,26 @@ SHOWN = 12
 """Number of unused columns that are listed."""
 
 
+PAUSE = 5.0
+"""Length (s) of a gap in all channels from which on it separates two flights of a file."""
+
+NEEDED = "nothing can be identified without it"
+
+MISSING = {
+    **dict.fromkeys(("gyro", "accelerometer", "rotor_commands"), NEEDED),
+    "quaternion": "without it no drag, no check of the clocks, and wider intervals",
+}
+"""Quantity -> loss in identification if a log lacks it."""
+
+
 def flight_facts(flight: FlightData) -> Facts:
     """Facts of a measured flight as plain data: format, duration, channels, notes and clock."""
-    channels = []
+    channels, pauses = [], list[int]()
+    logged = {"rotor_commands" if name == "rotor_speed_commands" else name for name in flight}
     for name in flight:
         channel, quantity = flight[name], QUANTITIES[name]
         gaps = channel_gaps(name, channel)
+        pauses.append(sum(long > PAUSE for _, long in gaps))
         channels.append(
             {
                 "quantity": name,
@@ -86,9 +101,11 @@ def flight_facts(flight: FlightData) -> Facts:
         "file": flight.file,
         "format": format_name(flight.file),
         "duration_s": flight.duration,
+        "flights": 1 + min(pauses, default=0),
         "channels": channels,
         "notes": list(flight.notes),
         "clock": _clock_words(flight),
+        "missing": {name: words for name, words in MISSING.items() if name not in logged},
         "facts": dict(flight.facts),
         "unused": list(flight.unused),
     }
@@ -113,6 +130,9 @@ def flight_sheet(facts: Facts) -> Iterator[Line]:
     title = f"{facts['flight']}: {facts['format']}, {facts['duration_s']:.4g} s"
     yield table_of(("channel", "unit", "source", "rate, Hz", "time, s", "gaps"), rows, left=3, title=title)
     lines = [f"clock: {facts['clock']}", *(f"note: {each}" for each in facts["notes"])]
+    lines += [f"missing: {name}: {words}" for name, words in facts["missing"].items()]
+    if facts["flights"] > 1:
+        lines.append(f"flights: {facts['flights']}, with pauses of more than {PAUSE:g} s between them")
     if facts["unused"]:
         more = f" and {len(facts['unused']) - SHOWN} more" if len(facts["unused"]) > SHOWN else ""
         lines.append(f"not read: {', '.join(facts['unused'][:SHOWN])}{more}")
@@ -143,6 +163,8 @@ def show_flight(name: str, columns: str | None, vehicle: str | None) -> None:
     for part in flight_sheet(facts):
         tell(part, "")
     if start is None:
+        if NEEDED not in facts["missing"].values():
+            tell(f"next: skyarm show {quote(name)} --vehicle VEHICLE")
         return
     for fault in faults:
         tell(fault_line(fault), "")
@@ -153,5 +175,6 @@ def show_flight(name: str, columns: str | None, vehicle: str | None) -> None:
     if numbers:
         tell(heading(f"excitation of {start.name}: expected 95 % intervals"), "")
         tell("\n".join(excitation_lines(numbers)), "")
+        tell(f"next: skyarm identify flights {quote(name)} --vehicle {quote(vehicle or '')} --known mass=KG")
     else:
         tell("excitation: is shown of a flight without refused faults", "")
