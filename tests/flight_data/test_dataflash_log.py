@@ -190,6 +190,20 @@ def test_a_second_unit_and_whole_number_fields_are_tables_apart(tmp_path: Path) 
     np.testing.assert_array_equal(second, decoded(tmp_path, "IMU", *AXES[:3], instance=1)[:, 1:] * TURN)
 
 
+def test_raw_samples_are_taken_at_their_own_times_where_they_are_logged(tmp_path: Path) -> None:
+    fields = "TimeUS,I,SampleUS,GyrX,GyrY,GyrZ"
+    log = Writer(IMU=("QBffffff", f"TimeUS,I,{','.join(AXES)}"), GYR=("QBQfff", fields))
+    for k in range(40):
+        log.put("GYR", 5_000_000 + 1000 * k, 0, 4_999_000 + 1000 * k + 7 * (k % 3), 0.1 * k, 0.0, -1.0)
+        if k % 20 == 0:
+            log.put("IMU", 5_000_000 + 1000 * k, 0, 9.0, 9.0, 9.0, 0.0, 0.0, -9.8)
+    found = read(tmp_path, log.data)
+    assert found["gyro"].source == "GYR: GyrX, GyrY, GyrZ"
+    stamps = 4.999 + 0.001 * np.arange(40) + 7e-6 * (np.arange(40) % 3)
+    np.testing.assert_allclose(found["gyro"].time + float(found.facts["start"]), stamps, atol=1e-9)
+    assert found["accelerometer"].values[0, 2] == pytest.approx(9.8)
+
+
 def rows_of(flight: FlightData) -> set[tuple[Any, ...]]:
     """Readings with their times in the file, to the us."""
     start = float(flight.facts["start"])
