@@ -37,7 +37,7 @@ def show(
     ] = None,
     gravity: Annotated[float, typer.Option(help="m/s^2, for hover and static efforts")] = 9.81,
     drawing: Annotated[
-        str | None, out_option("labelled drawing (.png, .svg, .pdf) in place of numbers", "--drawing", metavar="FILE")
+        str | None, out_option("drawing (.png, .svg, .pdf) in place of numbers", "--drawing", metavar="FILE")
     ] = None,
     vehicle: Annotated[
         str | None, typer.Option(help="with a flight: a vehicle; tells which of its numbers the flight excites")
@@ -68,8 +68,10 @@ def show(
         require_left_out(context, ["--gravity", "--out", "--vehicle", "--columns", "--compare"], " beside words")
         return _show_words()
     if _is_flight(shown):
-        require_left_out(context, ["--gravity", "--out", "--compare"], " of a flight")
-        function_of_option("show FLIGHT")(shown, columns, vehicle)
+        require_left_out(context, ["--gravity", "--compare"], " of a flight")
+        if drawing is not None:
+            require_left_out(context, ["--vehicle"], " beside --out, a drawing of the flight's channels alone")
+        function_of_option("show FLIGHT")(shown, columns, vehicle, drawing)
         return None
     require_left_out(context, ["--vehicle", "--columns"], " of a vehicle")
     number(require_gravity(gravity, "--gravity"), "--gravity", low=0.0, strict=True)

@@ -110,3 +110,11 @@ def test_behind_the_excitation_stands_the_search_to_run(monkeypatch):
     monkeypatch.setattr(identify_windows, "fit_windows", partial(fit_windows, turns=1))
     shown = skyarm("show", str(TREFOIL_LOG), "--vehicle", "crazyflie.toml", columns=200).out
     assert f"next: skyarm identify flights {TREFOIL_LOG} --vehicle crazyflie.toml --known mass=KG" in shown
+
+
+def test_the_channels_are_drawn_into_a_file():
+    shown = skyarm("show", str(TREFOIL_LOG), "-o", "channels.png")
+    assert (shown.code, shown.out.strip()) == (0, "drawing: channels.png")
+    assert Path("channels.png").read_bytes().startswith(b"\x89PNG")
+    refused(skyarm("show", str(TREFOIL_LOG), "-o", "channels.csv"), "--out", "suffix 'csv'", "png")
+    refused(skyarm("show", str(TREFOIL_LOG), "-o", "a.png", "--vehicle", "crazyflie.toml"), "--vehicle", "beside --out")

@@ -12,6 +12,7 @@ from skyarm.flight_data.clocks import clock_offset
 from skyarm.flight_data.flight_data import FlightData, format_name, load_flight
 from skyarm.flight_data.quantities import QUANTITIES
 from skyarm.records.files import printable
+from skyarm.records.files.names import picture_file
 from skyarm.records.text_tables import shown_number
 from skyarm.studies.identify.information import ExpectedNumber, expected_numbers
 from skyarm.studies.identify.isolate_fault import find_faults
@@ -139,17 +140,31 @@ def flight_sheet(facts: Facts) -> Iterator[Line]:
     yield "\n".join(map(printable, lines))
 
 
-def show_flight(name: str, columns: str | None, vehicle: str | None) -> None:
-    """Print the page of a measured flight, with its faults and excitation for a start vehicle.
+def _draw(flight: FlightData, file: str) -> None:
+    """Write a picture of the channels of a flight to a file."""
+    from skyarm.view.figures.channels_figure import channels_figure
+    from skyarm.view.figures.style import save_picture
+
+    target = picture_file(file, "--out")
+    every = {name: (QUANTITIES[name].unit, flight[name].time, flight[name].values) for name in flight}
+    give(drawing=save_picture(channels_figure(every), target))
+    tell(f"drawing: {target}")
+
+
+def show_flight(name: str, columns: str | None, vehicle: str | None, drawing: str | None = None) -> None:
+    """Print the page of a measured flight, with its faults and excitation for a start vehicle; or draw its channels.
 
     Args:
         name: path of the flight.
         columns: path of the mapping of its columns.
         vehicle: file or name of the start vehicle.
+        drawing: path of a picture of the channels, in place of the page.
 
     Raises:
         ValueError: one line, after the channels: of what is too short, or does not fit the vehicle, none is excited.
     """
+    if drawing is not None:
+        return _draw(load_flight(name, columns), drawing)
     start = None if vehicle is None else load_vehicle(vehicle)
     with bar(Path(name).name) as advance:
         advance(last="read")
@@ -165,7 +180,7 @@ def show_flight(name: str, columns: str | None, vehicle: str | None) -> None:
     if start is None:
         if NEEDED not in facts["missing"].values():
             tell(f"next: skyarm show {quote(name)} --vehicle VEHICLE")
-        return
+        return None
     for fault in faults:
         tell(fault_line(fault), "")
     with bar(Path(name).name) as advance:
