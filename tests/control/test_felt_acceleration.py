@@ -281,13 +281,15 @@ def pushed(
     joint_rates=(1e-9,) * 2,
     repeats=(),
     dt=DT,
+    model=ARM,
 ):
     """The observer's memory after a measured motion, of a hover in which the force is only believed."""
-    command = standing_command(ARM)
-    before = dataclasses.replace(first_observed(2, command.rotor_speeds, pair is not None), force=vec(force))
+    command, vehicle = standing_command(model), model.vehicle
+    first = first_observed(vehicle.n, command.rotor_speeds, pair is not None)
+    before = dataclasses.replace(first, force=vec(force))
     before = dataclasses.replace(before, leap=leap)
     measured = dataclasses.replace(
-        blank_measurement(2, 4),
+        blank_measurement(vehicle.n, len(vehicle.rotors)),
         velocity=vec(velocity),
         rate=vec(rate),
         specific_force=Vec3(1e-9, 0.0, G),
@@ -297,9 +299,9 @@ def pushed(
     last = dataclasses.replace(before.readings, **{name: getattr(sums, name) for name in repeats})
     before = dataclasses.replace(before, readings=last)
     known = Unknown(force=before.force, torque=before.torque, efforts=before.efforts)
-    done = actuation(ARM, command.rotor_speeds, command, dt)
+    done = actuation(model, command.rotor_speeds, command, dt)
     gains = dataclasses.replace(gains, accelerometer=pair)
-    return observe(ARM, gains, before, measured, done, known, 1.0, free, dt)[0]
+    return observe(model, gains, before, measured, done, known, 1.0, free, dt)[0]
 
 
 @pytest.mark.parametrize("pair", [None, GAINS])
@@ -360,6 +362,22 @@ def test_a_blow_to_the_body_rate_is_motion_and_no_torque():
         turned, bent = (1.0 - np.exp(-2.0 * bandwidth * DT) * left for bandwidth in (NUDGED.torque, NUDGED.joints))
         assert [each.rate.x for each in found] == pytest.approx(turned * sizes, rel=1e-6)
         assert [each.joint_rates[1] for each in found] == pytest.approx(bent * 0.3 * sizes, rel=1e-6)
+
+
+@pytest.mark.parametrize("leap", [0.0, 1e3])
+def test_a_slides_rate_is_believed_in_the_first_period_of_a_blow(leap):
+    """Where base velocity and slide leap together; turning joints wait for the second."""
+    slides = Model(vehicle=skyarm.load_vehicle("octo_coaxial_two_arms"), gravity=G)
+    sizes, bent = np.array([0.15, 0.3, 0.6, -3.0]), np.array([0.3, 0.2, 0.9, 0.4, -0.5])
+    slight = 1.0 / np.maximum(1.0, (sizes / 0.3) ** 2)
+    free, still = (1.0,) * 6, pushed((0.0,) * 3, (0.0,) * 3, (1.0,) * 6, model=slides, joint_rates=(1e-9,) * 5)
+    found = [pushed((0.0,) * 3, (v, 0.0, 0.0), free, leap=leap, model=slides, joint_rates=tuple(bent)) for v in sizes]
+    b2, taken = np.exp(-2.0 * NUDGED.joints * DT), np.array([each.joint_rates for each in found])
+    # in the hover the model's own change of the rates stays
+    rest = np.array(still.joint_rates) / b2
+    for joint, turns in enumerate([True, True, False, True, False]):
+        left = b2 * (slight if not turns or leap else 1.0)
+        assert taken[:, joint] == pytest.approx(bent[joint] + left * (rest[joint] - bent[joint]), abs=1e-6)
 
 
 def test_a_reading_that_repeats_makes_no_leap_of_the_others_but_is_remembered():

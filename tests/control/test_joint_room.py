@@ -109,6 +109,32 @@ def test_a_joint_that_is_pushed_along_a_moving_reference_comes_to_where_it_may_g
             assert q == pytest.approx(told + share * (1.0 - told), abs=0.02)
 
 
+@pytest.mark.parametrize("side", [1.0, -1.0])
+@pytest.mark.parametrize(("way", "rate"), [(0.02, 0.61), (0.02, 2.0), (0.3, 30.0)])
+def test_a_joint_too_fast_for_its_pole_stops_at_its_limit(side, way, rate):
+    """By d'' = d'^2 / d, whose solution is d e^(-t d'/d); two poles of 30 rad/s pass the limit."""
+    vehicle, dt = with_limits(-1.0, 1.0), 1e-5
+    q, now = side * (1.0 - way), side * rate
+    assert side * bounded(vehicle, q, now, side, side * 1e3) == pytest.approx(-rate * rate / way, rel=1e-9)
+    for k in range(4000):
+        now += bounded(vehicle, q, now, side, side * 1e3) * dt
+        q += now * dt
+        exact = way * np.exp(-rate / way * (k + 1) * dt)
+        assert 1.0 - side * q == pytest.approx(exact, abs=2e-3 * way)
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_a_joint_at_its_limit_loses_its_rate_by_six_of_its_poles_at_most(side):
+    """Of 30 rad/s each; one that comes back, or rests, is asked for no more than before."""
+    vehicle = with_limits(-1.0, 1.0)
+    for place in (0.999, 1.0, 1.01):
+        asked = bounded(vehicle, side * place, side * 0.5, side, side * 1e3)
+        assert side * asked == pytest.approx(-180.0 * 0.5)
+    rests, back = (side * bounded(vehicle, side * 1.01, side * rate, side, side * 1e3) for rate in (0.0, -0.5))
+    assert rests == pytest.approx(-900.0 * 0.01)
+    assert back == pytest.approx(-900.0 * 0.01 + 60.0 * 0.5)
+
+
 @pytest.mark.parametrize("arm", [(900.0, 0.0), (900.0, 20.0)])
 def test_a_loop_of_little_damping_bounds_by_its_stiffness(arm):
     gains = JointGains(stiffness=(arm[0],), damping=(arm[1],))

@@ -75,6 +75,13 @@ def test_on_six_joints_the_flagship_is_lost_nowhere_but_where_it_is_known(condit
     assert worse == known
 
 
+def test_a_vehicle_of_sliding_joints_survives_blows_of_three_metres_per_second():
+    """Its slides have 27 mm to their limits, which end a flight."""
+    _, _, found = flown(ADAPTIVE, vehicle="octo_coaxial_two_arms", conditions=("bump",))
+    laws = found["rows"]["bump 3 m/s"]["laws"]
+    assert (laws[FLAGSHIP]["lost"], laws[FLAGSHIP]["of"], laws[ADAPTIVE]["lost"]) == (0, 6, 1)
+
+
 def scenario_of(trial, **made):
     return TRIALS[trial].scenario(setting_of(PAPER), SIMPLER, "rigid_body", made)
 

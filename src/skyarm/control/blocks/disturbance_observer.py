@@ -27,8 +27,9 @@ of their difference. Beyond ``agreement`` velocity and force go over to those of
 With z the larger of |e| / ``JUMP`` of the velocity and |e| / ``LEAP`` of the body rate, no disturbance makes z > 1:
 there all learn 1 / z^2 of what they would, but from the accelerometer. It is a false reading, or a blow, which has
 passed: where z has been as large before, velocity, rate and joint rates take e but for b^2 / z^2 of it. Of a velocity
-that leaps for the first time 1 / z^2 is believed. A blow that is taken for a torque holds rotors at their limits, and
-itself (below).
+that leaps for the first time 1 / z^2 is believed. The rate of a sliding joint takes e but for b^2 / z^2 at once: its
+limit is less than two periods away, and its sensor is another one than those that leap. A blow that is taken for a
+torque holds rotors at their limits, and itself (below).
 Readings that repeat correct nothing (:mod:`skyarm.control.blocks.stale_readings`): the model and the other sensors
 predict over them. Joint sensors of 50 Hz leave the estimate of the joints a quarter of its bandwidth. That is too slow
 for a sliding joint, on which a load acts in full, without a lever: its next rate after n periods without has
@@ -311,7 +312,10 @@ def observe(
     blow = known - slight
     shares = [double_pole(bandwidth, dt) for bandwidth in (gains.force, gains.torque)]
     shares += [joint_gains(link.joint, gains, memory.readings.missed, dt) for link in model.vehicle.links]
-    fast, slow = [blow + L1 * (1.0 - blow) for L1, _ in shares], [L2 * slight / dt for _, L2 in shares]
+    slow = [L2 * slight / dt for _, L2 in shares]
+    # a slide is at its limit before the second period
+    believed = [blow, blow, *(blow if link.joint.turns else 1.0 - slight for link in model.vehicle.links)]
+    fast = [share + L1 * (1.0 - share) for share, (L1, _) in zip(believed, shares, strict=True)]
     turning = ew * (slow[1] * fresh.rate)
     bending = [mul(e, L2) for e, L2 in zip(er, slow[2:], strict=True)]
     yielding = [maximum(each, YIELDING) for each in free[1:]]
