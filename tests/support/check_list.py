@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from skyarm.studies.assess.along_reference import CLEARANCES
+from skyarm.studies.assess.along_reference import BLOW, CLEARANCES
 from skyarm.studies.assess.assessment import LAW, PARTS, PLAN, QUESTION
 from skyarm.studies.assess.endurance import SHORTEST
 from skyarm.studies.assess.finding import UNITS
@@ -205,6 +205,14 @@ CHECKS: tuple[Check, ...] = (
         "joint efforts that exact tracking needs; warning beyond a limit, "
         f"fault beyond it for over {OFTEN:.0%} of the flight",
         "a slower reference, less load, or stronger drives",
+    ),
+    Check(
+        SCENARIO,
+        "steps of the reference",
+        "warning",
+        "largest step of the velocity of the reference's base, at the start from that of the vehicle; "
+        f"warning above {BLOW:g} m/s, from where it is as hard as a blow",
+        "a motion that begins at rest, or an initial velocity",
     ),
     Check(
         SCENARIO,
