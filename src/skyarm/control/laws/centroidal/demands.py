@@ -268,14 +268,14 @@ def within_limits(
             limited = minimum(maximum(limited, asked - room), asked + room)
         # the one limit does not let it brake less for the other
         if high:
-            limited = braked(limited, joint.upper - state.joints[i], state.joint_rates[i], pole)
+            limited = brake_at_limit(limited, joint.upper - state.joints[i], state.joint_rates[i], pole)
         if low:
-            limited = -braked(-limited, state.joints[i] - joint.lower, -state.joint_rates[i], pole)
+            limited = -brake_at_limit(-limited, state.joints[i] - joint.lower, -state.joint_rates[i], pole)
         bounded.append(limited)
     return tuple(bounded)
 
 
-def braked(wanted: Scalar, way: Scalar, speed: Scalar, pole: Scalar) -> Scalar:
+def brake_at_limit(wanted: Scalar, way: Scalar, speed: Scalar, pole: Scalar) -> Scalar:
     """Acceleration towards a limit at which a fast joint stops at the limit, from a ``way`` to go and its ``speed``.
 
     Faster than k d a joint passes the limit on d'' + 2 k d' + k^2 d = 0. It stops there with the pole -d' / d in place
