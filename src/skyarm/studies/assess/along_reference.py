@@ -132,6 +132,8 @@ def _speed_steps(scenario: Scenario) -> list[Finding]:
     initial = scenario.agent.initial
     before[:, 0] = np.zeros(3) if initial is None else np.array(list(initial.velocity), dtype=float)
     steps = np.linalg.norm(after - before, axis=0)
+    # a vehicle that is to brake at first is meant to
+    steps[0] = min(steps[0], np.linalg.norm(after[:, 0]))
     k = int(np.argmax(steps))
     if not steps[k] > BLOW:
         return []

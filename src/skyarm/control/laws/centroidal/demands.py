@@ -246,6 +246,7 @@ def within_limits(
     A joint may go a share of the way from its reference to a limit, more where a hard stop holds it. With d the way
     that is left and k the pole of the joint's own loop, half of its damping (the root of its stiffness where that is
     more), d'' + 2 k d' + k^2 d >= 0 bounds the acceleration towards the limit; so does the limit itself, at rest.
+    What is too fast for that pole is braked (:func:`brake_at_limit`).
 
     Source: Ames et al. 2019, "Control barrier functions: theory and applications", exponential barrier of degree two.
     """
