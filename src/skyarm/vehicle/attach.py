@@ -70,6 +70,12 @@ def posed_in(frame: Frame, R: Mat3, p: Vec3, name: str = "") -> Frame:
     return Frame(name=name, link=frame.link, position=position, rotation=description.rotation(frame.rotation @ R))
 
 
+def moved_into(frame: Frame, posed: FrameOrLook) -> FrameOrLook:
+    """A frame or look on the body of a given frame, in whose axes it stood."""
+    at = posed_in(frame, posed.rotation, posed.position)
+    return replace(posed, link=at.link, position=at.position, rotation=at.rotation)
+
+
 def attach(airframe: RigidBodies, arm: RigidBodies, mount: Mount) -> RigidBodies:
     """Attach an arm to an airframe; the arm's root link merges with the carrying body and remains as a frame.
 
@@ -90,10 +96,7 @@ def attach(airframe: RigidBodies, arm: RigidBodies, mount: Mount) -> RigidBodies
     first = len(airframe.links)
 
     def move(frame: FrameOrLook) -> FrameOrLook:
-        if frame.link != BASE:
-            return replace(frame, link=first + frame.link)
-        at = posed_in(seat, frame.rotation, frame.position, frame.name)
-        return replace(frame, link=at.link, position=at.position, rotation=at.rotation)
+        return moved_into(seat, frame) if frame.link == BASE else replace(frame, link=first + frame.link)
 
     def mount_link(link: Link) -> Link:
         if link.parent != BASE:

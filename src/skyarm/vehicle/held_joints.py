@@ -4,14 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import TypeVar
 
-from skyarm.vehicle import description
-from skyarm.vehicle.attach import RigidBodies, at_origin, follow, held_pose, posed_in
-from skyarm.vehicle.linkage import BASE, Body, Link
-from skyarm.vehicle.vehicle_records import Frame, Look
-
-Posed = TypeVar("Posed", Frame, Look)
+from skyarm.vehicle.attach import BodyTree, Notes, RigidBodies, at_origin, follow, held_pose, moved_into, posed_in
+from skyarm.vehicle.linkage import BASE
 
 
 def hold_joints(bodies: RigidBodies, values: Mapping[str, float]) -> RigidBodies:
@@ -28,36 +23,26 @@ def hold_joints(bodies: RigidBodies, values: Mapping[str, float]) -> RigidBodies
         leader = follow(name, bodies.mimics)
         if leader.joint in values:
             held.setdefault(name, leader.ratio * values[leader.joint] + leader.offset)
-    seats = {BASE: at_origin()}
-    links: list[Link] = []
-    parts: list[list[Body]] = [[bodies.base]]
-    frames: list[Frame] = []
+    tree, seats = BodyTree({}, Notes()), {BASE: at_origin()}
+    tree.add_body(BASE, bodies.base)
     for index, link in enumerate(bodies.links):
-        joint = link.joint
-        at = posed_in(seats[link.parent], joint.rotation, joint.position, link.name)
+        joint, body = link.joint, link.body
+        at = posed_in(seats[link.parent], joint.rotation, joint.position)
         if joint.name in held:
             seat = posed_in(at, *held_pose(joint.kind, joint.axis, held[joint.name]), link.name)
-            parts[seat.link + 1].append(link.body.transform(seat.rotation, seat.position))
-            frames.append(seat)
+            tree.frames.append(seat)
+            body = body.transform(seat.rotation, seat.position)
         else:
-            seat = at_origin(len(links))
-            parts.append([link.body])
-            links.append(
-                replace(link, parent=at.link, joint=replace(joint, position=at.position, rotation=at.rotation))
-            )
+            seat = tree.add_link(link.name, at.link, replace(joint, position=at.position, rotation=at.rotation))
+        tree.add_body(seat.link, body)
         seats[index] = seat
-
-    def move(frame: Posed) -> Posed:
-        at = posed_in(seats[frame.link], frame.rotation, frame.position)
-        return replace(frame, link=at.link, position=at.position, rotation=at.rotation)
-
-    base, *others = (description.body(each) for each in parts)
+    made = tree.bodies(bodies.name, bodies.root, coupled=False)
     return replace(
         bodies,
-        base=base,
-        links=tuple(replace(link, body=body) for link, body in zip(links, others, strict=True)),
-        frames=(*map(move, bodies.frames), *frames),
-        looks=tuple(map(move, bodies.looks)),
+        base=made.base,
+        links=made.links,
+        frames=(*(moved_into(seats[each.link], each) for each in bodies.frames), *made.frames),
+        looks=tuple(moved_into(seats[each.link], each) for each in bodies.looks),
         mimics={name: each for name, each in bodies.mimics.items() if name not in held},
         drives={name: each for name, each in bodies.drives.items() if name not in held},
         faults={fault: joints - held.keys() for fault, joints in bodies.faults.items() if joints - held.keys()},

@@ -22,16 +22,23 @@ from skyarm.records.files import PathLike
 from skyarm.records.files.stl_mesh import FARTHEST, METRES, read_corners
 from skyarm.records.immutable import positional
 from skyarm.vehicle import description
-from skyarm.vehicle.attach import BodyTree, Mimic, Notes, RigidBodies, at_origin, follow, held_pose, posed_in
+from skyarm.vehicle.attach import (
+    BodyTree,
+    Mimic,
+    Notes,
+    RigidBodies,
+    at_origin,
+    follow,
+    held_pose,
+    moved_into,
+    posed_in,
+)
 from skyarm.vehicle.check import refuse
-from skyarm.vehicle.inertia_repair import with_real_inertias
 from skyarm.vehicle.linkage import BASE, Body, Joint
 from skyarm.vehicle.rotor_sources.own_files import OWN
-from skyarm.vehicle.rotor_tables import RotorTables, mount_rotors
 from skyarm.vehicle.stated_rotors import RotorFile, rotors_in
-from skyarm.vehicle.stops import with_smooth_friction, with_stops
 from skyarm.vehicle.vehicle_records import Look, Vehicle
-from skyarm.vehicle.vehicle_tables import drives_of_file
+from skyarm.vehicle.vehicle_tables import vehicle_from
 from skyarm.vehicle.xacro_files import expand_xacro
 from skyarm.vehicle.xml_elements import child, number, numbers, numbers_of, parse_xml, required_numbers
 
@@ -95,28 +102,12 @@ def read_robot(robot: ET.Element, mimic: str, notes: Notes, path: Path) -> Rigid
     return replace(_bodies(robot, mimic, notes, path, {each.link for each in rotors}), rotors=rotors)
 
 
-def urdf_vehicle(given: RigidBodies) -> Vehicle:
+def urdf_vehicle(bodies: RigidBodies) -> Vehicle:
     """Vehicle from a URDF file, with the rotors that it states; a frame named 'tip' becomes the end effector."""
-    given.require_no_faults()
-    flying = mount_rotors(given, RotorTables())
-    bodies = with_real_inertias(flying.bodies)
-    bodies.require_airframe()
-    drives, fast = drives_of_file(bodies)
-    tip = "tip" if any(frame.name == "tip" for frame in bodies.frames) else ""
-    made = Vehicle(
-        name=bodies.name,
-        base=bodies.base,
-        links=bodies.links,
-        drives=drives,
-        frames=bodies.frames,
-        looks=bodies.looks,
-        end_effector=tip,
-        notes=(*bodies.notes, *fast),
-        rotors=flying.rotors,
-        gaps=flying.gaps,
-        sources=flying.sources,
-    )
-    return with_stops(with_smooth_friction(made, made.joint_names))
+    document = {"schema": 1, "name": bodies.name, "urdf": bodies.name}
+    if any(frame.name == "tip" for frame in bodies.frames):
+        document["end_effector"] = "tip"
+    return vehicle_from(document, lambda *_: bodies)
 
 
 def _bodies(robot: ET.Element, mimic: str, notes: Notes, path: Path, spun: Container[str]) -> RigidBodies:
@@ -146,10 +137,7 @@ def _bodies(robot: ET.Element, mimic: str, notes: Notes, path: Path, spun: Conta
     for name, seat in seats.items():
         for body in _inertial(file.links[name]):
             tree.add_body(seat.link, body.transform(seat.rotation, seat.position) if seat.name else body)
-        for look in looks_of(file.links[name], path, notes):
-            position = seat.position + seat.rotation.apply(look.position)
-            rotation = description.rotation(seat.rotation @ look.rotation)
-            tree.looks.append(replace(look, link=seat.link, position=position, rotation=rotation))
+        tree.looks += [moved_into(seat, look) for look in looks_of(file.links[name], path, notes)]
     made = tree.bodies(robot.get("name") or "urdf", root, mimic == "couple")
     return replace(made, speeds={name: _speed(joint) for name, joint in file.joints.items()})
 
