@@ -162,7 +162,7 @@ def numbers_from(kind: type, fields: Fields, *, partial: bool = False) -> dict[s
     """
     numbers, usual = dict[str, float](), defaults(kind)
     for name, unit in scalars(kind).items():
-        if fields.take(name, None) is None and (partial or usual[name] is not MISSING):
+        if not fields.states(name) and (partial or usual[name] is not MISSING):
             continue
         try:
             value = fields.number(name, low=unit.low, strict=unit.strict, infinite=unit.infinite)

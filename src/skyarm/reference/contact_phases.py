@@ -63,10 +63,10 @@ def arc_about(task: TaskBuilder, phase: Fields) -> tuple[Place, Place]:
         return place_of(phase, "center"), unit_vector(phase, "axis")
     words = "must be left out, or as that of the handle that is held"
     center, axis = arc.center, arc.axis
-    if phase.take("center", None) is not None:
+    if phase.states("center"):
         center = place_of(phase, "center")
         require_field(phase, "center", center, arc.center, words)
-    if phase.take("axis", None) is not None:
+    if phase.states("axis"):
         axis = unit_vector(phase, "axis")
         require_field(phase, "axis", axis, arc.axis, words)
     return center, axis
@@ -74,7 +74,7 @@ def arc_about(task: TaskBuilder, phase: Fields) -> tuple[Place, Place]:
 
 def _arc_of(task: TaskBuilder, phase: Fields) -> Arc | None:
     """Circular arc of the handle that a task phase grasps; None if the phase describes no rotation."""
-    given = [name for name in ABOUT if phase.take(name, None) is not None]
+    given = [name for name in ABOUT if phase.states(name)]
     if not given:
         return None
     if "center" not in given:
@@ -162,7 +162,7 @@ def write(task: TaskBuilder, phase: Fields) -> None:
 def retreat(task: TaskBuilder, phase: Fields) -> None:
     """Add a motion away from a surface without contact force to the task, after a wait if the tip pressed before."""
     wait = LETTING_GO if task.follows_a_press else 0.0
-    if phase.take("position", None) is not None:
+    if phase.states("position"):
         task.rest(wait)
         task.go_through(phase, place_of(phase, "position"), new=False)
         return
@@ -251,7 +251,7 @@ def _in_front(task: TaskBuilder, phase: Fields, place: Place, *, near: bool) -> 
 
 
 def _tell_normal(task: TaskBuilder, phase: Fields) -> None:
-    if phase.take("normal", None) is not None:
+    if phase.states("normal"):
         normal = unit_vector(phase, "normal")
         require_field(phase, "normal", normal, task.normal, "must be the same in all phases of a task")
         task.normal = normal
@@ -260,12 +260,12 @@ def _tell_normal(task: TaskBuilder, phase: Fields) -> None:
 def _tell_push(task: TaskBuilder, phase: Fields) -> None:
     """Read contact force, surface normal and approach speed of a task phase into the task."""
     _tell_normal(task, phase)
-    if phase.take("speed", None) is not None:
+    if phase.states("speed"):
         speed = positive(phase, "speed", high=FASTEST)
         require_field(phase, "speed", (speed,), None if task.speed is None else (task.speed,),
                       "must be the same in all phases of a task")  # fmt: skip
         task.speed = speed
-    if task.force is None or phase.take("force", None) is not None:
+    if task.force is None or phase.states("force"):
         task.force = positive(phase, "force", high=STRONGEST)
     if task.normal is None:
         raise ValueError(f"{phase.at('normal')}: is missing; must be a vector out of the surface that is touched first")

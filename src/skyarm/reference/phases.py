@@ -70,7 +70,7 @@ def _require_hands(task: TaskBuilder, phase: Fields, kind: str) -> None:
     """Refuse a phase that presses on a surface while the gripper holds a handle."""
     if task.arc is None or kind not in TOUCHING:
         return
-    if kind not in ABOUT_AN_AXIS or phase.take("force", None) is not None:
+    if kind not in ABOUT_AN_AXIS or phase.states("force"):
         name = "force" if kind in ABOUT_AN_AXIS else "kind"
         words = "must not press while a handle is held; the force along its radius is said where it is taken"
         raise ValueError(f"{phase.at(name)} = {shown(phase.table[name])}: {words}")

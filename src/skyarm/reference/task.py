@@ -59,7 +59,7 @@ def guard_from(phase: Fields, normal: Vector | None, usual: Mapping[str, Any] | 
         normal: unit normal of the surface that the task touches, if given.
         usual: default guard of the phase without ``until``.
     """
-    if phase.take("until", None) is None:
+    if not phase.states("until"):
         return None if usual is None else dict(usual)
     fields = Fields(phase.take("until"), phase.at("until"))
     guard = _guard_conditions(fields)
@@ -85,10 +85,10 @@ def _guard_conditions(fields: Fields) -> dict[str, Any]:
     """Thresholds and tactile switches of the condition that ends a task phase."""
     conditions: dict[str, Any] = {}
     for name in SWITCHES:
-        if fields.take(name, None) is not None:
+        if fields.states(name):
             conditions[name] = filled_text(fields.take(name), fields.at(name), "the name of a tactile switch")
     for name in NUMBERS:
-        if fields.take(name, None) is not None:
+        if fields.states(name):
             conditions[name] = positive(fields, name)
     if "force" in conditions and conditions.get("force_below", math.inf) <= conditions["force"]:
         raise ValueError(f"{fields.at('force_below')} = {conditions['force_below']:g}: must be above force")
@@ -125,7 +125,7 @@ def seconds(fields: Fields, name: str, *default: object) -> float:
 
 def duration_of(phase: Fields) -> float | None:
     """Read the optional duration (s) of a task phase; None for the shortest within the flight limits."""
-    return None if phase.take("duration", None) is None else seconds(phase, "duration")
+    return seconds(phase, "duration") if phase.states("duration") else None
 
 
 @immutable
@@ -180,7 +180,7 @@ class TaskBuilder:
 
     def begin(self, phase: Fields) -> None:
         """Begin a phase of the task; a phase with a start time first holds the last pose until then."""
-        if phase.take("start", None) is not None:
+        if phase.states("start"):
             start = number_within(phase, "start", low=0.0)
             if start < self.time:
                 allowed = f"must be at or after {self.time:.6g} s, the end of the phase before"

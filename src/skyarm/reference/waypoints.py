@@ -210,7 +210,7 @@ def waypoints_table(fields: Fields, setting: Setting) -> Trajectory:
     if not 2 <= len(points) <= MOST_POINTS:
         raise ValueError(f"{fields.at('points')} = {len(points)} points: must be 2 to {MOST_POINTS}")
     start, limits = number_within(fields, "start", 0.0), limits_of(fields, setting)
-    if fields.take("times", None) is None:
+    if not fields.states("times"):
         require_way(None, points, [f"{fields.at('points')}[{i}]" for i in range(len(points))])
         times = allocate(points, limits, setting.gravity)
     else:

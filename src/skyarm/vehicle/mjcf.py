@@ -47,7 +47,7 @@ class _Tree(BodyTree):
         self.of_rotors: set[str] = set()
         self.carrying: set[str] = set()
         self.balls: set[str] = set()
-        self.named = {name_of(model, "body", body) for body in range(1, int(model.nbody))}
+        self.named = {name_of(model, "body", body) for body in range(1, model.nbody)}
 
     def unique(self, name: str) -> str:
         """Unique name, with underscores appended where needed: MuJoCo has separate names for each kind of element."""
@@ -80,8 +80,8 @@ def read_mjcf(path: Path, mimic: str = "lock", base: str = "") -> RigidBodies:
     tree.of_rotors = {name for each in rotors for name in (each.joint, each.tilt_joint)}
     tree.carrying = {each.link for each in rotors}
     _read_body(tree, root)
-    for body in range(1, int(model.nbody)):
-        if body != root and int(model.body_parentid[body]) in tree.seats and body not in left_out:
+    for body in range(1, model.nbody):
+        if body != root and model.body_parentid[body] in tree.seats and body not in left_out:
             _read_child(tree, body)
     title = model.names[: model.names.index(b"\0")].decode() or path.stem
     bodies = tree.bodies(title, name_of(model, "body", root) if root else "world", tree.coupled)
@@ -144,7 +144,7 @@ def _at_rest(model: MjModel, root: int) -> MjData:
 
     data = mujoco.MjData(model)
     for joint in _joints(model, root):
-        data.qpos[int(model.jnt_qposadr[joint]) :][:7] = (0, 0, 0, 1, 0, 0, 0)
+        data.qpos[model.jnt_qposadr[joint] :][:7] = (0, 0, 0, 1, 0, 0, 0)
     mujoco.mj_kinematics(model, data)
     return data
 
@@ -155,7 +155,7 @@ def _root(model: MjModel, wanted: str, notes: Notes) -> tuple[int, list[int]]:
     Raises:
         VehicleError: several bodies could be the base, or ``wanted`` is none of them.
     """
-    top = {body: name_of(model, "body", body) for body in range(1, int(model.nbody)) if not model.body_parentid[body]}
+    top = {body: name_of(model, "body", body) for body in range(1, model.nbody) if not model.body_parentid[body]}
     own = {body: [kind_of(model, joint) for joint in _joints(model, body)] for body in top}
     free = [body for body in top if "free" in own[body]]
     moving = [body for body in top if body not in free and body in model.body_rootid[model.jnt_bodyid]]
@@ -178,14 +178,14 @@ def _root(model: MjModel, wanted: str, notes: Notes) -> tuple[int, list[int]]:
 
 
 def _joints(model: MjModel, body: int) -> list[int]:
-    first = int(model.body_jntadr[body])
-    return list(range(first, first + int(model.body_jntnum[body])))
+    first = model.body_jntadr[body]
+    return list(range(first, first + model.body_jntnum[body]))
 
 
 def _read_child(tree: _Tree, body: int) -> None:
     """Add a body and its joints to the tree; MuJoCo applies the joints in sequence, each about its own anchor."""
     model, name = tree.model, name_of(tree.model, "body", body)
-    carrier = tree.seats[int(model.body_parentid[body])]
+    carrier = tree.seats[model.body_parentid[body]]
     at = posed_in(carrier, _rotation(model.body_quat[body]), _vector(model.body_pos[body]))
     balls = [joint for joint in _joints(model, body) if kind_of(model, joint) == "ball"]
     tree.balls |= {name_of(model, "jnt", joint) for joint in balls}
@@ -233,9 +233,9 @@ def _read_body(tree: _Tree, body: int) -> None:
         com = at.position + at.rotation.apply(_vector(model.body_ipos[body]))
         moments = Sym3.from_numbers(*model.body_inertia[body].tolist())
         tree.add_body(at.link, Body(mass=mass, com=com, inertia=moments.rotate(R)))
-    for site in range(int(model.nsite)):
+    for site in range(model.nsite):
         name = name_of(model, "site", site)
-        if int(model.site_bodyid[site]) == body and (model.site(site).name or name in tree.carrying):
+        if model.site_bodyid[site] == body and (model.site(site).name or name in tree.carrying):
             pose = _rotation(model.site_quat[site]), _vector(model.site_pos[site])
             tree.frames.append(posed_in(at, *pose, tree.unique(name)))
 
@@ -254,7 +254,7 @@ KINDS = ("free", "ball", "prismatic", "revolute")
 
 def kind_of(model: MjModel, joint: int) -> str:
     """Kind of a MuJoCo joint, one of ``KINDS``."""
-    return KINDS[int(model.jnt_type[joint])]
+    return KINDS[model.jnt_type[joint]]
 
 
 def read_joint(model: MjModel, joint: int, R: Mat3, p: Vec3, notes: Notes) -> Joint:
@@ -263,7 +263,7 @@ def read_joint(model: MjModel, joint: int, R: Mat3, p: Vec3, notes: Notes) -> Jo
     if model.qpos0[model.jnt_qposadr[joint]]:
         notes.add("with a ref: its zero here is where the file's model stands", name)
     lower, upper = limits(model, joint)
-    dof = int(model.jnt_dofadr[joint])
+    dof = model.jnt_dofadr[joint]
     given = {"damping": "dof_damping", "coulomb": "dof_frictionloss", "armature": "dof_armature"}
     rubbing: dict[str, Any] = {
         ours: description.zero_is_structure(float(getattr(model, theirs)[dof])) for ours, theirs in given.items()
@@ -291,10 +291,10 @@ def mimics_of(model: MjModel) -> dict[str, Mimic]:
     import mujoco
 
     mimics: dict[str, Mimic] = {}
-    for each in range(int(model.neq)):
+    for each in range(model.neq):
         if model.eq_type[each] != mujoco.mjtEq.mjEQ_JOINT or not model.eq_active0[each]:
             continue
-        name, other = name_of(model, "jnt", int(model.eq_obj1id[each])), int(model.eq_obj2id[each])
+        name, other = name_of(model, "jnt", model.eq_obj1id[each]), model.eq_obj2id[each]
         numbers = [float(value) for value in model.eq_data[each][:5]]
         if any(numbers[2:]):
             refuse(f"equality of joint[{name}].polycoef", numbers, "must be a straight line: two numbers, then zeros")
@@ -334,7 +334,7 @@ def require_supported(model: MjModel, root: int, notes: Notes) -> dict[str, froz
         VehicleError: the first element that no held joint makes harmless.
     """
     faults = {**_joint_faults(model, notes), **_loop_faults(model, root)}
-    for tendon in range(int(model.ntendon)):
+    for tendon in range(model.ntendon):
         name, wraps = name_of(model, "tendon", tendon), slice(model.tendon_adr[tendon], None)
         if not _is_stated(model, TENDON_FORCES, tendon):
             notes.add("not read", name, "tendon")
@@ -343,17 +343,17 @@ def require_supported(model: MjModel, root: int, notes: Notes) -> dict[str, froz
             fault = f"tendon[{name}] = 'a pull of its own': must pull nothing; tendons are not supported"
             if (model.wrap_type[wraps][: len(joints)] != 1).any():
                 raise VehicleError(fault)
-            faults[fault] = frozenset(name_of(model, "jnt", int(joint)) for joint in joints)
-    for body in range(1, int(model.nbody)):
+            faults[fault] = frozenset(name_of(model, "jnt", joint) for joint in joints)
+    for body in range(1, model.nbody):
         if model.body_gravcomp[body]:
             refuse(f"body[{name_of(model, 'body', body)}].gravcomp", float(model.body_gravcomp[body]), "must be 0")
     if model.nflex:
-        refuse("flex", int(model.nflex), "must be rigid bodies only")
-    for actuator in range(int(model.nactuator)):
+        refuse("flex", model.nflex, "must be rigid bodies only")
+    for actuator in range(model.nactuator):
         name = name_of(model, "actuator", actuator)
         if _is_stated(model, ("actuator_armature", "actuator_damping"), actuator):
             refuse(f"actuator[{name}]", "armature or damping of its own", "must be stated at its joint")
-        if int(model.actuator_trntype[actuator]) not in (*AT_JOINT, SITE):
+        if model.actuator_trntype[actuator] not in (*AT_JOINT, SITE):
             notes.add("not at a joint or site, so not read", name, "actuator")
     if model.opt.density or model.opt.viscosity:
         notes.add("density and viscosity of the option are not read; [drag] and the scenario's air say that")
@@ -368,8 +368,8 @@ def _is_stated(model: MjModel, names: tuple[str, ...], index: int) -> bool:
 def _joint_faults(model: MjModel, notes: Notes) -> dict[str, frozenset[str]]:
     """Ball joints, springs and nonlinear damping, with their joints; notes on what a free joint has of these."""
     faults = {}
-    for joint in range(int(model.njnt)):
-        name, kind, dof = name_of(model, "jnt", joint), kind_of(model, joint), int(model.jnt_dofadr[joint])
+    for joint in range(model.njnt):
+        name, kind, dof = name_of(model, "jnt", joint), kind_of(model, joint), model.jnt_dofadr[joint]
         own = frozenset({name})
         if kind == "ball":
             faults[f"joint[{name}].type = 'ball': must be 'hinge' or 'slide'; or three hinges in one body"] = own
@@ -390,8 +390,8 @@ def _loop_faults(model: MjModel, root: int) -> dict[str, frozenset[str]]:
     import mujoco
 
     kinds, faults = {int(mujoco.mjtEq.mjEQ_CONNECT): "connect", int(mujoco.mjtEq.mjEQ_WELD): "weld"}, {}
-    for each in range(int(model.neq)):
-        kind, ends = int(model.eq_type[each]), (int(model.eq_obj1id[each]), int(model.eq_obj2id[each]))
+    for each in range(model.neq):
+        kind, ends = model.eq_type[each], (model.eq_obj1id[each], model.eq_obj2id[each])
         if not model.eq_active0[each] or kind == mujoco.mjtEq.mjEQ_JOINT:
             continue
         allowed = "closed chains are not supported" if kind in kinds else "only equalities of joints are supported"
@@ -409,4 +409,4 @@ def _up(model: MjModel, body: int) -> Iterator[int]:
     """A body of a MuJoCo model and all that carry it, but for the world."""
     while body:
         yield body
-        body = int(model.body_parentid[body])
+        body = model.body_parentid[body]

@@ -27,7 +27,7 @@ def name_of(model: Any, kind: str, index: int) -> str:
 def force_range(model: Any, actuator: int) -> tuple[float, float]:
     """Least and largest force (N or N m) of an actuator before its gear: its own range and that of its control."""
     low, high = model.actuator_forcerange[actuator] if model.actuator_forcelimited[actuator] else (-math.inf, math.inf)
-    first = int(model.actuator_ctrladr[actuator])
+    first = model.actuator_ctrladr[actuator]
     if is_plain(model, actuator) and model.actuator_ctrllimited[first]:
         ends = np.sort(model.actuator_gainprm[actuator][0] * model.actuator_ctrlrange[first])
         low, high = max(low, ends[0]), min(high, ends[1])
@@ -36,19 +36,19 @@ def force_range(model: Any, actuator: int) -> tuple[float, float]:
 
 def is_plain(model: Any, actuator: int) -> bool:
     """True if an actuator's force is a number times its control."""
-    return int(model.actuator_gaintype[actuator]) == FIXED and not model.actuator_biasprm[actuator].any()
+    return model.actuator_gaintype[actuator] == FIXED and not model.actuator_biasprm[actuator].any()
 
 
 def is_servo(model: Any, actuator: int) -> bool:
     """True if an actuator's force is that of a motor or of a loop that pulls towards a setpoint."""
-    known = int(model.actuator_gaintype[actuator]) in (FIXED, PID) and int(model.actuator_biastype[actuator]) < 2
+    known = model.actuator_gaintype[actuator] in (FIXED, PID) and model.actuator_biastype[actuator] < 2
     return known and max(model.actuator_biasprm[actuator][1:3]) <= 0.0
 
 
 def at_joint(model: Any, joint: int) -> list[int]:
     """Actuators that act at a joint."""
     kinds, ids = model.actuator_trntype, model.actuator_trnid
-    return [a for a in range(int(model.nactuator)) if kinds[a] in AT_JOINT and ids[a][0] == joint]
+    return [a for a in range(model.nactuator) if kinds[a] in AT_JOINT and ids[a][0] == joint]
 
 
 def effort_of(model: Any, joint: int, notes: Notes) -> float:
@@ -77,7 +77,7 @@ def read_drives(model: Any, joints: Collection[str], notes: Notes) -> dict[str, 
         notes: takes what is not read of their actuators.
     """
     drives: dict[str, dict[str, Any]] = {}
-    for joint in range(int(model.njnt)):
+    for joint in range(model.njnt):
         name, actuators = name_of(model, "jnt", joint), at_joint(model, joint)
         if not model.jnt_type[joint]:
             for each in actuators:

@@ -73,11 +73,11 @@ def read_rotor_tables(top: Fields, tilting: bool = False) -> RotorTables:
     unique("rotors.name", [each.text("name") for each in tables])
     for fields in tables:
         values = _values(fields, tilting)
-        if fields.take("position", None) is not None:
+        if fields.states("position"):
             values["position"] = description.vector(fields.vector("position"))
-        if fields.take("direction", None) is not None:
+        if fields.states("direction"):
             values["direction"] = SENSES[fields.choice("direction", tuple(SENSES))]
-        if fields.take("link", None) is not None:
+        if fields.states("link"):
             values["link"] = fields.text("link")
         fields.done()
         own[fields.text("name")] = values
@@ -89,13 +89,13 @@ def _values(fields: Fields, tilting: bool) -> dict[str, Any]:
     values: dict[str, Any] = dict(numbers_from(Rotor, fields, partial=True))
     values |= _axis(fields)
     for name, read in (("reversible", fields.flag), ("rolling", partial(fields.choice, options=get_args(Rolling)))):
-        if fields.take(name, None) is not None:
+        if fields.states(name):
             values[name] = read(name)
     if fields.take(MAX_THRUST, None) is not None:
         values[MAX_THRUST] = fields.number(MAX_THRUST, low=0.0, strict=True)
-    if fields.take("thrust_table", None) is not None:
+    if fields.states("thrust_table"):
         values["table"] = record_from(ThrustTable, fields.inner("thrust_table"))
-    if fields.take("tilt", None) is not None:
+    if fields.states("tilt"):
         inner = fields.inner("tilt")
         values["tilt"] = {**numbers_from(Tilt, inner, partial=tilting), **_axis(inner)}
         inner.done()
@@ -104,7 +104,7 @@ def _values(fields: Fields, tilting: bool) -> dict[str, Any]:
 
 def _axis(fields: Fields) -> dict[str, Vec3]:
     """Read the axis of a rotor or tilt; empty if the table states none."""
-    if fields.take("axis", None) is None:
+    if not fields.states("axis"):
         return {}
     return {"axis": description.unit_axis(fields.at("axis"), fields.vector("axis"))}
 

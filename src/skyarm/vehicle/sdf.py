@@ -25,7 +25,7 @@ from skyarm.vehicle.check import VehicleError, refuse
 from skyarm.vehicle.rotor_sources.own_files import OWN
 from skyarm.vehicle.urdf import UNLIMITED, read_robot
 from skyarm.vehicle.vehicle_records import Frame
-from skyarm.vehicle.xml_elements import finite, numbers_of, read_xml
+from skyarm.vehicle.xml_elements import finite, numbers_of, read_xml, text_of
 
 VERSIONS = tuple(f"1.{minor}" for minor in range(4, 13))
 
@@ -36,6 +36,9 @@ DEEPEST = 100
 """Largest number of models in one vehicle, and of frames between a frame and the vehicle's."""
 
 TRUE = ("1", "true", "True", "TRUE")
+
+OF_PLUGINS = ("linkName", "jointName", "link_name")
+"""Elements of a plugin that name a link or joint of its model."""
 
 ROOT = "__model__"
 """Name by which every model knows its own frame, and the tree that of the vehicle."""
@@ -90,7 +93,7 @@ def _vehicle(path: Path, base: str, notes: Notes) -> tuple[ET.Element, _Scope]:
         except VehicleError as error:
             missing = f"; {error}"
             notes.add(f"not read: {error}")
-    moving = [pair for pair in models if _text(pair[0], "static") not in TRUE]
+    moving = [pair for pair in models if text_of(pair[0], "static") not in TRUE]
     chosen = [pair for pair in models if pair[0].get("name") == base] if base else moving or models
     names = [each.get("name") for each, _ in chosen or models]
     if base and not chosen:
@@ -115,7 +118,7 @@ def _document(path: Path, note: Callable[[str], None]) -> tuple[ET.Element, _Sco
 
 def _read_include(include: ET.Element, scope: _Scope) -> tuple[ET.Element, _Scope]:
     """Model that an <include> names, with the name, pose and plugins that it gives the model."""
-    uri = _text(include, "uri")
+    uri = text_of(include, "uri")
     file = _file_of(uri, scope.file)
     with errors_as(VehicleError, f"include = {uri!r}: ", VehicleError):
         sdf, inside = _document(file, scope.note)
@@ -123,7 +126,7 @@ def _read_include(include: ET.Element, scope: _Scope) -> tuple[ET.Element, _Scop
         if model is None:
             refuse("sdf", "no <model>", "must have one")
     for word in ("name", "placement_frame"):
-        model.set(word, _text(include, word) or model.get(word, ""))
+        model.set(word, text_of(include, word) or model.get(word, ""))
     model[:0] = [*include.findall("pose"), *include.findall("static")]  # the first one counts
     model.extend(include.findall("plugin"))
     return model, replace(scope, file=file, version=inside.version)
@@ -169,9 +172,10 @@ class _Tree:
         own = [scope.whole(each.get("name", "")) for each in model.findall("link")]
         before = len(self.links)
         for element in model:
-            if element.tag == "plugin":
-                self._add_plugin(element, scope)
-            elif element.tag == OWN:
+            if element.tag in ("plugin", OWN):
+                for named in (each for word in OF_PLUGINS for each in element.findall(word)):
+                    if text := text_of(named):
+                        named.text = scope.whole(text)
                 self.plugins.append(element)
             elif element.tag == "include":
                 inner, inside = _read_include(element, scope)
@@ -188,7 +192,7 @@ class _Tree:
         key = f"{kind} {name}" if merge or kind == "joint" else name
         if key in self.frames or not element.get("name"):
             refuse(f"{kind}.name", name, "must be there, and once in its model")
-        base = scope.whole(_text(element, "child", "?") if kind == "joint" else element.get("attached_to", ""))
+        base = scope.whole(text_of(element, "child", "?") if kind == "joint" else element.get("attached_to", ""))
         inner = replace(scope, prefix=scope.prefix if merge else f"{name}::", frame=key)
         pose, placement = _inner(element, "pose"), element.get("placement_frame")
         start = pose.get("relative_to") or pose.get("frame")
@@ -203,7 +207,7 @@ class _Tree:
             self.add(element, inner)
         elif kind == "link":
             self.links[name] = element
-            if _text(element, "gravity", "1") not in TRUE:
+            if text_of(element, "gravity", "1") not in TRUE:
                 self.notes.add("without gravity in the file; here it weighs", name, "link")
         else:
             self.carriers[key] = base
@@ -211,13 +215,6 @@ class _Tree:
                 self.named.append(name)
             else:
                 self.joints[name] = element, scope
-
-    def _add_plugin(self, plugin: ET.Element, scope: _Scope) -> None:
-        for word in ("linkName", "jointName", "link_name"):
-            for each in plugin.findall(word):
-                if text := (each.text or "").strip():
-                    each.text = scope.whole(text)
-        self.plugins.append(plugin)
 
     def _at(self, name: str, top: str = ROOT, depth: int = 0) -> Frame:
         """Pose of a frame in another one on the way of its pose, as a rule the vehicle's."""
@@ -245,7 +242,7 @@ class _Tree:
         for link, element in self.links.items():
             _add_inertial(ET.SubElement(robot, "link", name=link), element, self.notes)
         for joint, (element, scope) in self.joints.items():
-            above, below = (_text(element, end, "?") for end in ("parent", "child"))
+            above, below = (text_of(element, end, "?") for end in ("parent", "child"))
             if above == "world":
                 self.notes.add("holds the vehicle to the world; not read: the base floats", joint)
                 continue
@@ -276,9 +273,9 @@ class _Tree:
             _connect(robot, f"{below} frame", "fixed", (moved, below), (seat, link))
         urdf = _connect(robot, name, kind, (above, moved), (parent, seat))
         axis, limit = _inner(joint, "axis"), {"lower": "-inf", "upper": "inf"}
-        xyz = numbers_of(_text(axis, "xyz", "0 0 1"), f"{field}.axis.xyz", 3)
+        xyz = numbers_of(text_of(axis, "xyz", "0 0 1"), f"{field}.axis.xyz", 3)
         turned = _within(seat, self._at(self._axes_of(axis, name, scope)))[0]
-        ET.SubElement(urdf, "axis", xyz=_text_of(turned.apply(description.vector(xyz))))
+        ET.SubElement(urdf, "axis", xyz=_digits(turned.apply(description.vector(xyz))))
         for word, text in _texts(axis, "limit").items():
             value = finite(text, f"{field}.limit.{word}", infinite=True)
             if word in limit or value >= 0.0:
@@ -293,7 +290,7 @@ class _Tree:
         for mimic in axis.iterfind("mimic"):
             words = {"multiplier": "1", "offset": "0", "reference": "0"}
             numbers = {
-                word: finite(_text(mimic, word, usual), f"{field}.mimic.{word}") for word, usual in words.items()
+                word: finite(text_of(mimic, word, usual), f"{field}.mimic.{word}") for word, usual in words.items()
             }
             numbers["offset"] -= numbers["multiplier"] * numbers.pop("reference")
             leader = scope.whole(mimic.get("joint", ""))
@@ -303,7 +300,7 @@ class _Tree:
         """Frame in whose axes a joint's axis is stated."""
         if stated := _inner(axis, "xyz").get("expressed_in"):
             return scope.whole(stated)
-        in_model = scope.version < 5 or _text(axis, "use_parent_model_frame") in TRUE
+        in_model = scope.version < 5 or text_of(axis, "use_parent_model_frame") in TRUE
         if in_model and scope.version >= 7:
             self.notes.add("use_parent_model_frame is no word of SDF 1.7 and later; not read", name)
         return scope.frame if in_model and scope.version < 7 else f"joint {name}"
@@ -314,11 +311,6 @@ def _inner(element: ET.Element, path: str) -> ET.Element:
     return next(element.iterfind(path), ET.Element(path))
 
 
-def _text(element: ET.Element, path: str, usual: str = "") -> str:
-    """Text of an element below another one, or the usual one."""
-    return element.findtext(path, "").strip() or usual
-
-
 def _texts(element: ET.Element, path: str) -> dict[str, str]:
     """Texts of the elements in the one at a path, by tag; empty ones are left out."""
     return {each.tag: each.text.strip() for each in element.iterfind(f"{path}/*") if each.text}
@@ -326,7 +318,7 @@ def _texts(element: ET.Element, path: str) -> dict[str, str]:
 
 def _pose(pose: ET.Element, field: str) -> Frame:
     """Position (m) and rotation of an SDF <pose>, by roll, pitch, yaw (rad or degrees) or a quaternion."""
-    text, four = (pose.text or "").strip(), pose.get("rotation_format") == "quat_xyzw"
+    text, four = text_of(pose), pose.get("rotation_format") == "quat_xyzw"
     if not text:
         return ORIGIN
     x, y, z, *turn = numbers_of(text, field, 7 if four else 6)
@@ -343,14 +335,14 @@ def _within(outer: Frame, inner: Frame) -> tuple[Mat3, Vec3]:
     return description.rotation(R.T @ inner.rotation), R.apply_T(inner.position - outer.position)
 
 
-def _text_of(values: Iterable[Any]) -> str:
+def _digits(values: Iterable[Any]) -> str:
     return " ".join(repr(float(each)) for each in values)
 
 
 def _set_origin(urdf: ET.Element, R: Mat3, p: Vec3) -> None:
     """Give a URDF element its pose."""
     w, *xyz = description.unit_quaternion(R)
-    ET.SubElement(urdf, "origin", xyz=_text_of(p), quat_xyzw=_text_of((*xyz, w)))
+    ET.SubElement(urdf, "origin", xyz=_digits(p), quat_xyzw=_digits((*xyz, w)))
 
 
 def _connect(robot: ET.Element, name: str, kind: str, ends: tuple[str, str], poses: tuple[Frame, Frame]) -> ET.Element:
@@ -367,7 +359,7 @@ def _add_inertial(urdf: ET.Element, link: ET.Element, notes: Notes) -> None:
     name, stated = urdf.get("name", ""), _inner(link, "inertial")
     if stated.get("auto") in TRUE:
         refuse(f"link[{name}].inertial.auto", "true", "must be false, beside <mass>, <inertia>; no shape is weighed")
-    given = {"mass": _text(stated, "mass"), **_texts(stated, "inertia")}
+    given = {"mass": text_of(stated, "mass"), **_texts(stated, "inertia")}
     if missing := [word for word in ("mass", "ixx", "iyy", "izz") if not given.get(word)]:
         notes.add(f"without {', '.join(missing)}: 1 kg and 1 kg m^2, as SDF defines", name, "link")
         given |= dict.fromkeys(missing, "1")

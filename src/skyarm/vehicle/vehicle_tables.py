@@ -125,7 +125,7 @@ def vehicle_from(document: Mapping[str, Any], refer: Refer, folder: Path = Path(
 
 def _optional(kind: type[Record], top: Fields, name: str, default: Default, *required: str) -> Record | Default:
     """Read a dataclass from an optional TOML table, which must state the required fields if it is present."""
-    if top.take(name, None) is None:
+    if not top.states(name):
         return default
     fields = top.inner(name)
     for field in required:
@@ -142,7 +142,7 @@ def _named_tables(fields: Fields, name: str) -> list[Fields]:
 
 def _source(top: Fields) -> str:
     """Name of the vehicle-file field, such as ``urdf``, that refers to another file of bodies; empty if absent."""
-    given = [name for name in SOURCES if top.take(name, None) is not None]
+    given = [name for name in SOURCES if top.states(name)]
     if len(given) > 1:
         refuse(given[1], top.table[given[1]], f"must not be given together with '{given[0]}'")
     return given[0] if given else ""
@@ -221,7 +221,7 @@ def _body(fields: Fields, read_elsewhere: Sequence[str]) -> Body:
     for word in read_elsewhere:
         fields.take(word, None)
     parts = _named_tables(fields, "parts")
-    stated = [word for word in ("mass", "com", "inertia") if fields.take(word, None) is not None]
+    stated = [word for word in ("mass", "com", "inertia") if fields.states(word)]
     pieces = [_piece(each) for each in ([fields, *parts] if stated or not parts else parts)]
     planar = fields.flag("planar", False)
     for each in (*parts, fields):

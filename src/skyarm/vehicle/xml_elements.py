@@ -74,6 +74,11 @@ def child(element: ET.Element, tag: str, field: str) -> ET.Element | None:
     return children[0] if children else None
 
 
+def text_of(element: ET.Element, path: str = ".", usual: str = "") -> str:
+    """Text of the first element at a path below another one, or of that one itself; the usual one if it is empty."""
+    return element.findtext(path, "").strip() or usual
+
+
 def required_numbers(element: ET.Element, tag: str, names: Sequence[str], field: str) -> list[float]:
     """Numbers in the named attributes of a child element; an error if one of them is missing."""
     entry = child(element, tag, field)

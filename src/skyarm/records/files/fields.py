@@ -51,6 +51,10 @@ class Fields:
         there += f"there are {comma_list(sorted(self.table))}" if self.table else "there are no fields"
         raise ValueError(f"{self.at(name)}: is missing; {there}")
 
+    def states(self, name: str) -> bool:
+        """True if the table has a field, which then counts as read."""
+        return self.take(name, None) is not None
+
     def require_schema(self) -> None:
         """Raise an error unless ``schema`` is 1 or left out."""
         schema = self.take("schema", 1)

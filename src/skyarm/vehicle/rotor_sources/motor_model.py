@@ -12,7 +12,7 @@ from collections.abc import Sequence
 
 from skyarm.vehicle.check import refuse
 from skyarm.vehicle.stated_rotors import RotorFile, StatedRotor
-from skyarm.vehicle.xml_elements import finite
+from skyarm.vehicle.xml_elements import finite, text_of
 
 WORDS = {
     "motorConstant": "thrust_coefficient",
@@ -41,7 +41,7 @@ def blade_rotors(file: RotorFile) -> tuple[StatedRotor, ...]:
     if not isinstance(file.content, ET.Element):
         return ()
     plugins = tuple(plugin for plugin in file.content.iter("plugin") if plugin.find("cla") is not None)
-    blades = {_text(plugin, "link_name") for plugin in plugins}
+    blades = {text_of(plugin, "link_name") for plugin in plugins}
     absent = {"thrust_coefficient": "its blades are LiftDrag plugins, with lift slopes"}
     return tuple(
         StatedRotor(name=name, link=name, joint=joint.get("name", ""), absent=absent, elements=plugins)
@@ -57,33 +57,33 @@ def is_motor(plugin: ET.Element) -> bool:
     One whose motorType is position is a servo, as of the arms that tilt the rotors of RotorS's omav.
     """
     stated = any(plugin.find(mark) is not None for mark in ("motorConstant", "turningDirection"))
-    return stated and _text(plugin, "motorType") != "position"
+    return stated and text_of(plugin, "motorType") != "position"
 
 
 def _number_of_motor(plugin: ET.Element) -> float:
     return finite(
-        _text(plugin, "motorNumber") or _text(plugin, "actuator_number") or "0", f"{_field(plugin)}.motorNumber"
+        text_of(plugin, "motorNumber") or text_of(plugin, "actuator_number") or "0", f"{_field(plugin)}.motorNumber"
     )
 
 
 def _rotor(plugin: ET.Element, joints: Sequence[str]) -> StatedRotor:
-    field, name, values, where, absent = _field(plugin), _text(plugin, "linkName"), {}, {}, {}
+    field, name, values, where, absent = _field(plugin), text_of(plugin, "linkName"), {}, {}, {}
     if not name:
         refuse(f"{field}.linkName", "(missing)", "must name the rotor's link")
     for word, ours in WORDS.items():
-        if text := _text(plugin, word):
+        if text := text_of(plugin, word):
             values[ours] = finite(text, f"{field}.{word}")
             where[ours] = f"{word} of the motor-model plugins"
-    if sense := _text(plugin, "turningDirection"):
+    if sense := text_of(plugin, "turningDirection"):
         if sense not in SENSES:
             refuse(f"{field}.turningDirection", sense, "must be ccw or cw")
         values["direction"], where["direction"] = SENSES[sense], "turningDirection of the motor-model plugins"
-    if _text(plugin, "reversible").lower() in ("1", "true"):
+    if text_of(plugin, "reversible").lower() in ("1", "true"):
         values["reversible"], where["reversible"] = True, "reversible of the motor-model plugins"
-    if (kind := _text(plugin, "motorType")) not in ("", "velocity"):
+    if (kind := text_of(plugin, "motorType")) not in ("", "velocity"):
         values.pop("thrust_coefficient", None)
         absent["thrust_coefficient"] = f"motorType is {kind}, of which thrust is not motorConstant w^2"
-    if (joint := _text(plugin, "jointName")) not in ("", *joints):
+    if (joint := text_of(plugin, "jointName")) not in ("", *joints):
         refuse(f"{field}.jointName", joint, f"must be a joint of the file: {', '.join(joints) or 'it has none'}")
     return StatedRotor(
         name=name, link=name, values=values, where=where, joint=joint, absent=absent, at_mass=True, elements=(plugin,)
@@ -91,8 +91,4 @@ def _rotor(plugin: ET.Element, joints: Sequence[str]) -> StatedRotor:
 
 
 def _field(plugin: ET.Element) -> str:
-    return f"plugin[{plugin.get('name') or _text(plugin, 'linkName')}]"
-
-
-def _text(plugin: ET.Element, word: str) -> str:
-    return (plugin.findtext(word) or "").strip()
+    return f"plugin[{plugin.get('name') or text_of(plugin, 'linkName')}]"

@@ -46,7 +46,7 @@ def thrusts_at_sites(file: RotorFile) -> tuple[StatedRotor, ...]:
         return ()
     model, sites = file.content.model, dict[int, list[int]]()
     for actuator in np.flatnonzero(model.actuator_trntype == SITE).tolist():
-        site = int(model.actuator_trnid[actuator][0])
+        site = model.actuator_trnid[actuator][0]
         if file.content.root in (0, model.body_rootid[model.site_bodyid[site]]):
             sites.setdefault(site, []).append(actuator)
     return tuple(rotor for site, actuators in sites.items() for rotor in _at_site(file.content, site, actuators))
@@ -75,10 +75,10 @@ def _rotor(vehicle: MujocoVehicle, site: int, actuator: int, name: str) -> State
     size, values = float(np.linalg.norm(gear[:3])), _values(model, actuator)
     thrust, hub = data.site_xmat[site].reshape(3, 3) @ gear[:3] / size, data.site_xpos[site]
     name, turned = name or name_of(model, "actuator", actuator), data.xmat[vehicle.root].reshape(3, 3).T
-    joints, body = list[int](), int(model.site_bodyid[site])
+    joints, body = list[int](), model.site_bodyid[site]
     while body not in (0, vehicle.root):
         joints += reversed(range(model.body_jntadr[body], model.body_jntadr[body] + model.body_jntnum[body]))
-        body = int(model.body_parentid[body])
+        body = model.body_parentid[body]
     roles = [_role(vehicle, joint, thrust, hub) for joint in joints]
     named = dict(zip(roles, (name_of(model, "jnt", joint) for joint in joints), strict=True))
     link, place, axis = "base", turned @ (hub - data.xpos[vehicle.root]), turned @ thrust

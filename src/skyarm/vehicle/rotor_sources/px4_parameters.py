@@ -53,7 +53,7 @@ def px4_rotors(file: RotorFile) -> tuple[StatedRotor, ...]:
     longest = max(math.hypot(*each[:3]) for each in rotors)
     relative = f"[rotor_file] arm_length, m, scales them: the longest arm is {longest:g} in the file"
     scale, absent = 1.0, {**ABSENT, "position": relative}
-    if longest and file.settings.take("arm_length", None) is not None:
+    if longest and file.settings.states("arm_length"):
         scale, absent = file.settings.number("arm_length", low=0.0, strict=True) / longest, ABSENT
     return tuple(
         StatedRotor(
