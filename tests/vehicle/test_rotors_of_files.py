@@ -329,3 +329,12 @@ def test_a_joint_with_limits_that_is_held_below_a_rotor_is_said(tmp_path):
         "joint shoulder: held although it has limits, for it moves the link of a rotor"
     ]
     assert "shoulder" not in vehicle.joint_names
+
+
+def test_a_file_alone_says_of_limited_joints_of_rotors_what_a_vehicle_file_says(tmp_path):
+    turning = quad().replace('type="continuous"', 'type="revolute"', 1)
+    turning = turning.replace("<axis", '<limit lower="-1" upper="1" effort="0" velocity="0"/><axis', 1)
+    by_toml = loaded(tmp_path, turning)
+    alone = load_vehicle(saved(tmp_path, turning))
+    assert [note for note in alone.notes if "although it has limits" in note]
+    assert alone.notes == by_toml.notes
