@@ -48,7 +48,7 @@ def facts(log: Log) -> Facts:
     info = log.info
     if len(log.agents) > 1:
         common = ("scenario", "plant", "integrator", "seed", "duration", "end_time", "status", "cause")
-        forces = {name: _grasp_force(log, i) for i, name in enumerate(_grasps(log))}
+        forces = {name: _grasp_force(log, i) for i, name in enumerate(component_labels(log, "grasp_force"))}
         own = {name: facts(each) for name, each in log.agents.items()}
         shared = {name: info[name] for name in common} | {"cause": info["cause"] or None, "agents": own}
         carried = _finite(score(log, [*TEAMS])) if "team_pull" in log.common else {}
@@ -94,11 +94,6 @@ def facts(log: Log) -> Facts:
 def _finite(scores: Mapping[str, float]) -> dict[str, float | None]:
     """Metrics by name, None for NaN."""
     return {name: value if math.isfinite(value) else None for name, value in scores.items()}
-
-
-def _grasps(log: Log) -> list[str]:
-    """Names of the grasps that hold bodies from the start of a flight."""
-    return component_labels(log, "grasp_force")
 
 
 def _grasp_force(log: Log, index: int) -> dict[str, float]:

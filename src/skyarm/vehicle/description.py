@@ -30,14 +30,15 @@ def zero_is_structure(value: float) -> int | float:
 
 def vector(values: Iterable[Any]) -> Vec3:
     """Vector of three numbers, in which exact zeros and ones become constants of compiled code."""
-    return Vec3.from_numbers([float(value) for value in values])
+    return Vec3.from_numbers(list(map(float, values)))
 
 
-def unit_axis(field: str, values: Sequence[float]) -> Vec3:
+def unit_axis(field: str, numbers: Iterable[Any]) -> Vec3:
     """Unit vector in the direction of a nonzero vector."""
+    values = list(map(float, numbers))
     length = math.hypot(*values)
     if not (length > 0.0 and math.isfinite(length)):
-        refuse(field, list(values), "must have a direction (three finite numbers, not all zero; any length)")
+        refuse(field, values, "must have a direction (three finite numbers, not all zero; any length)")
     if abs(length - 1.0) <= ROUNDING:
         length = 1.0
     return Vec3.from_numbers([value / length for value in values])
@@ -100,7 +101,7 @@ def inertia(values: Iterable[Any]) -> Sym3:
 def body(parts: Sequence[Body]) -> Body:
     """Merge the parts of one link into one body; exact zeros become constants of compiled code."""
     # a part that weighs nothing would still move the centre of mass by a rounding error
-    weighed = [part for part in parts if not _nothing(part)] or parts[:1]
+    weighed = [part for part in parts if any((part.mass, *part.inertia.entries))] or parts[:1]
     whole = weighed[0] if len(weighed) == 1 else Body.of_parts(weighed)
     return Body(
         mass=float(whole.mass),
@@ -108,10 +109,6 @@ def body(parts: Sequence[Body]) -> Body:
         inertia=inertia(whole.inertia.entries),
         planar=any(part.planar for part in parts),
     )
-
-
-def _nothing(part: Body) -> bool:
-    return all(value == 0.0 for value in (part.mass, *part.inertia.entries))
 
 
 def tree_order(parents: Mapping[str, str], root: str, field: str) -> list[str]:

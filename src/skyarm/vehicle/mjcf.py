@@ -89,7 +89,7 @@ def read_mjcf(path: Path, mimic: str = "lock", base: str = "") -> RigidBodies:
     drives = read_drives(model, driven, notes)
     pose = (Mat3.identity(), ZERO3)
     if root and not _joints(model, root):
-        pose = (_rotation(model.body_quat[root]), _vector(model.body_pos[root]))
+        pose = (_rotation(model.body_quat[root]), description.vector(model.body_pos[root]))
     if pose != (Mat3.identity(), ZERO3):
         why = "moved or turned in its file, a pose that it keeps where [[attach]] names this file, and not elsewhere"
         notes.add(why, bodies.root, "body")
@@ -186,12 +186,12 @@ def _read_child(tree: _Tree, body: int) -> None:
     """Add a body and its joints to the tree; MuJoCo applies the joints in sequence, each about its own anchor."""
     model, name = tree.model, name_of(tree.model, "body", body)
     carrier = tree.seats[model.body_parentid[body]]
-    at = posed_in(carrier, _rotation(model.body_quat[body]), _vector(model.body_pos[body]))
+    at = posed_in(carrier, _rotation(model.body_quat[body]), description.vector(model.body_pos[body]))
     balls = [joint for joint in _joints(model, body) if kind_of(model, joint) == "ball"]
     tree.balls |= {name_of(model, "jnt", joint) for joint in balls}
     moving = [joint for joint in _joints(model, body) if joint not in balls and not _is_fixed(tree, joint)]
     for joint in _joints(model, body):
-        anchor = _vector(model.jnt_pos[joint])
+        anchor = description.vector(model.jnt_pos[joint])
         at = posed_in(at, Mat3.identity(), anchor)
         if joint in moving:
             silent = name_of(model, "jnt", joint) in tree.of_rotors
@@ -221,7 +221,7 @@ def _held_pose(tree: _Tree, joint: int, at: Frame) -> Frame:
     name = name_of(tree.model, "jnt", joint)
     value = resting(tree.model, name, tree.mimics)
     tree.notes.add(f"tied by an equality: fixed at {value:g}", name)
-    return posed_in(at, *held_pose(kind_of(tree.model, joint), _vector(tree.model.jnt_axis[joint]), value))
+    return posed_in(at, *held_pose(kind_of(tree.model, joint), description.vector(tree.model.jnt_axis[joint]), value))
 
 
 def _read_body(tree: _Tree, body: int) -> None:
@@ -230,18 +230,14 @@ def _read_body(tree: _Tree, body: int) -> None:
     mass = float(model.body_mass[body])
     if mass > 0.0 and body:
         R = description.rotation(at.rotation @ _rotation(model.body_iquat[body]))
-        com = at.position + at.rotation.apply(_vector(model.body_ipos[body]))
+        com = at.position + at.rotation.apply(description.vector(model.body_ipos[body]))
         moments = Sym3.from_numbers(*model.body_inertia[body].tolist())
         tree.add_body(at.link, Body(mass=mass, com=com, inertia=moments.rotate(R)))
     for site in range(model.nsite):
         name = name_of(model, "site", site)
         if model.site_bodyid[site] == body and (model.site(site).name or name in tree.carrying):
-            pose = _rotation(model.site_quat[site]), _vector(model.site_pos[site])
+            pose = _rotation(model.site_quat[site]), description.vector(model.site_pos[site])
             tree.frames.append(posed_in(at, *pose, tree.unique(name)))
-
-
-def _vector(values: Array) -> Vec3:
-    return description.vector(values.tolist())
 
 
 def _rotation(wxyz: Array) -> Mat3:
@@ -268,7 +264,7 @@ def read_joint(model: MjModel, joint: int, R: Mat3, p: Vec3, notes: Notes) -> Jo
     rubbing: dict[str, Any] = {
         ours: description.zero_is_structure(float(getattr(model, theirs)[dof])) for ours, theirs in given.items()
     }
-    axis = description.unit_axis(f"joint[{name}].axis", model.jnt_axis[joint].tolist())
+    axis = description.unit_axis(f"joint[{name}].axis", model.jnt_axis[joint])
     return Joint(
         name=name,
         kind=kind_of(model, joint),

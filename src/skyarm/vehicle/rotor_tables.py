@@ -261,7 +261,7 @@ def _rotor(bodies: RigidBodies, origin: StatedRotor, values: Values) -> Rotor:
     place, hub = (of_base, values.pop("position")) if "position" in values else (seat, origin.position)
     position = description.vector(place.position + place.rotation.apply(hub))
     place, axis = (of_base, values.pop("axis")) if "axis" in values else (seat, origin.axis)
-    thrust_axis = description.unit_axis(f"{where}.axis", list(place.rotation.apply(axis)))
+    thrust_axis = description.unit_axis(f"{where}.axis", place.rotation.apply(axis))
     table: ThrustTable | None = values.get("table")
     if table is not None:
         for needed in COEFFICIENTS if table.torque else COEFFICIENTS[:1]:

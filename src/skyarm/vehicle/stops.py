@@ -43,7 +43,10 @@ def with_stops(vehicle: Vehicle, own: Collection[str] = ()) -> Vehicle:
         vehicle: vehicle of concrete numbers.
         own: names of joints that state the stiffness of their stops, and be it none.
     """
-    lacking = [_has_limits(joint) and joint.name not in own and not joint.has_stops for joint in vehicle.joints]
+    lacking = [
+        any(map(math.isfinite, joint.ends)) and joint.name not in own and not joint.has_stops
+        for joint in vehicle.joints
+    ]
     if not any(lacking):
         return vehicle
     mobilities = joint_mobility(vehicle)
@@ -53,10 +56,6 @@ def with_stops(vehicle: Vehicle, own: Collection[str] = ()) -> Vehicle:
         for k, e, lacks in zip(vehicle.links, ease, lacking, strict=True)
     )
     return replace(vehicle, links=links)
-
-
-def _has_limits(joint: Joint) -> bool:
-    return any(map(math.isfinite, joint.ends))
 
 
 def _stiffness(joint: Joint, ease: float) -> float:

@@ -183,11 +183,7 @@ def _record(record: object, always: Collection[str] = ()) -> Table:
     entry: Table = record_entry(record, always)
     numbers = {name: float(entry[name]) for name in scalars(type(record)) if name in entry}
     vectors = ((name, each) for name, each in parts(record).items() if isinstance(each, Vec3))
-    return entry | numbers | {name: _three(each) for name, each in vectors if name in entry}
-
-
-def _three(vector: Vec3) -> list[float]:
-    return list(map(float, vector))
+    return entry | numbers | {name: list(map(float, each)) for name, each in vectors if name in entry}
 
 
 def _orientation(rotation: Mat3) -> Table:

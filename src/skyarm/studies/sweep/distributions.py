@@ -117,10 +117,6 @@ def finite(vary: Mapping[str, Distribution]) -> dict[str, Values]:
     return {path: each for path, each in vary.items() if isinstance(each, Values)}
 
 
-def _uniform(value: object, at: str) -> Uniform:
-    return Uniform(*_interval(value, at))
-
-
 def _log_uniform(value: object, at: str) -> LogUniform:
     low, high = _interval(value, at)
     number(low, f"{at}[0]", low=0.0, strict=True)
@@ -167,7 +163,7 @@ def _numbers(value: object, at: str, counts: tuple[int, int], expected: str) -> 
 
 
 KINDS: Mapping[str, Callable[[object, str], Distribution]] = {
-    "uniform": _uniform,
+    "uniform": lambda value, at: Uniform(*_interval(value, at)),
     "normal": _normal,
     "log_uniform": _log_uniform,
     "list": _list,

@@ -75,7 +75,7 @@ def _rotor(table: Fields, name: str, link: str, values: dict[str, float], where:
         name,
         link,
         description.vector(table.vector("translation")),
-        description.unit_axis(name, list(axis)),
+        description.unit_axis(name, axis),
         {**values, "direction": -int(turn[0])},
         where,
         absent=NO_LAG,

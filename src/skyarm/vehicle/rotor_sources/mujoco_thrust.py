@@ -97,8 +97,8 @@ def _rotor(vehicle: MujocoVehicle, site: int, actuator: int, name: str) -> State
     return StatedRotor(
         name=name,
         link=link,
-        position=description.vector(place.tolist()),
-        axis=description.unit_axis(f"rotors[{name}].axis", axis.tolist()),
+        position=description.vector(place),
+        axis=description.unit_axis(f"rotors[{name}].axis", axis),
         values=values,
         where=dict.fromkeys(values, "gear, ranges and dynprm (a lag of the thrust) of the actuators at sites"),
         joint=named.get("joint", ""),
@@ -130,7 +130,7 @@ def _role(vehicle: MujocoVehicle, joint: int, thrust: Array, hub: Array) -> str:
 
 def _tilt(vehicle: MujocoVehicle, joint: int, turned: Array) -> dict[str, Any]:
     """Axis and range of a hinge that tilts a rotor, as fields of a tilt."""
-    model, axis = vehicle.model, description.unit_axis("tilt.axis", (turned @ vehicle.data.xaxis[joint]).tolist())
+    model, axis = vehicle.model, description.unit_axis("tilt.axis", turned @ vehicle.data.xaxis[joint])
     ends = model.jnt_range[joint] - model.qpos0[model.jnt_qposadr[joint]]
     return {
         "axis": axis,
