@@ -27,7 +27,7 @@ from typing import Annotated
 
 import numpy as np
 
-from skyarm.algebra import E_Z, ZERO3_DATA, Mat3, Scalar, Scalars, Vec3
+from skyarm.algebra import E_Z, ZERO3_DATA, Mat3, Scalar, Scalars, Vec3, differences
 from skyarm.algebra.scalars import add, clip, data, divide, maximum, minimum, mul, sub, where
 from skyarm.control.blocks.attitude import derivative, posture
 from skyarm.control.blocks.filters import low_pass_share
@@ -283,9 +283,7 @@ def adapt(
         return Disturbance(force=vector_data(unit.force * kg), torque=vector_data(unit.torque * kg), efforts=efforts)
 
     (inside, rest), (inside_before, rest_before) = gains.split_damping(joints), gains.split_damping(learned.joints)
-    change = feedforward(
-        sub(mass, learned.tip_mass), [sub(new, old) for new, old in zip(rest, rest_before, strict=True)]
-    )
+    change = feedforward(sub(mass, learned.tip_mass), differences(rest, rest_before))
     # what the model's joints have of it acts at the observed rates
     shares = zip(change.efforts, inside, inside_before, rates, strict=True)
     taken = tuple(data(sub(effort, mul(sub(new, old), rate))) for effort, new, old, rate in shares)

@@ -26,7 +26,7 @@ from collections.abc import Sequence
 from itertools import accumulate
 from typing import Annotated
 
-from skyarm.algebra import Scalar, Scalars, inner_product
+from skyarm.algebra import Scalar, Scalars, differences, inner_product
 from skyarm.algebra.scalars import add, data, divide, maximum, minimum, mul, structural, sub, total, where
 from skyarm.control.blocks.filters import low_pass_share
 from skyarm.control.laws.centroidal.parameters import (
@@ -189,7 +189,7 @@ class LagGains(OptionalPart):
         _, angular, joints = update.amid.accelerations(step.par.model, sent.squares[last], sent.efforts[last])
         by_model = (angular.x, angular.y, *joints)
         corrections = (update.angular_correction.x, update.angular_correction.y, *update.joint_corrections)
-        own = [sub(a, d) for a, d in zip(by_model, memory.disturbing, strict=True)]
+        own = differences(by_model, memory.disturbing)
         seen = [divide(sub(now, before), dt) for now, before in zip(rates, memory.rates, strict=True)]
         believed = _in_row(memory.believed, own, running, dt)
         measured = _in_row(memory.measured, seen, running, dt)
@@ -218,7 +218,7 @@ class LagGains(OptionalPart):
             inner_product(weights, axis) * inverse for axis in zip(*(each[:TILTS] for each in past), strict=True)
         ]
         both = (*expected, *here[:TILTS])
-        quick = [sub(new, old) for new, old in zip(both, memory.slow, strict=True)]
+        quick = differences(both, memory.slow)
         edge = running * low_pass_share(LOW, dt)
         # at a limit the observer's disturbance stands still, and what it lacks counts as too small an answer
         share = learned * free[0] * (LEARNING * dt)
@@ -345,7 +345,7 @@ def _in_row(
 
 def _band_pass(filtered: Sequence[Sequence[Scalar]]) -> Scalars:
     """Band-pass output: low-pass at the upper edge minus low-pass at the lower edge."""
-    return tuple(sub(above, below) for above, below in zip(filtered[1], filtered[2], strict=True))
+    return differences(filtered[1], filtered[2])
 
 
 def _bank(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from skyarm.algebra import E_Z, Scalar, Scalars, Vec3
+from skyarm.algebra import E_Z, Scalar, Scalars, Vec3, differences
 from skyarm.algebra.scalars import absolute, add, clip, data, logical_and, maximum, sqrt, sub, where
 from skyarm.control.blocks.actuators import command_for, compensate_motor_lag
 from skyarm.control.blocks.center_of_mass import forces_under_thrust, reaction
@@ -74,7 +74,7 @@ def actuate(step: Step, unknown: Disturbance, demand: AccelerationDemand) -> Don
     torque, efforts = needed(model, state, demand, unknown)
     limits = [link.joint.effort_limit for link in model.vehicle.links]
     limited = tuple(clip(data(effort), -limit, limit) for effort, limit in zip(efforts, limits, strict=True))
-    missing = [sub(effort, cut) for effort, cut in zip(efforts, limited, strict=True)]
+    missing = differences(efforts, limited)
     arm = reaction(model.vehicle, state.joints)
     late = arm.accelerations(missing)
     torque = torque - arm.torque(late)

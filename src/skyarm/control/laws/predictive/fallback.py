@@ -13,8 +13,8 @@ from functools import partial
 
 import numpy as np
 
-from skyarm.algebra import Motion, Scalar, Scalars, Vec3
-from skyarm.algebra.scalars import atan2, cos, divide, maximum, minimum, mul, sin, sqrt, sub
+from skyarm.algebra import Motion, Scalar, Scalars, Vec3, differences
+from skyarm.algebra.scalars import atan2, cos, divide, maximum, minimum, mul, sin, sqrt
 from skyarm.control.blocks.actuators import limit_efforts
 from skyarm.control.blocks.common import turn_towards, wanted_specific_force
 from skyarm.control.blocks.geometric import yaw_of
@@ -160,8 +160,7 @@ def _computed_torque(
     base = Motion(turn_towards(par, reading, goal, R, up), R.apply_T(up))
     force, torques = generalized_force(par, R, reading, base, joint_accelerations(par, reading, goal))
     speeds, _ = mix(par.mixer, force.torque - unknown.torque, force.force.z)
-    efforts = tuple(sub(a, b) for a, b in zip(torques, unknown.efforts, strict=True))
-    return (*speeds, *limit_efforts(par, efforts))
+    return (*speeds, *limit_efforts(par, differences(torques, unknown.efforts)))
 
 
 def _near(yaw: Scalar, heading: Scalar) -> Scalar:
