@@ -50,7 +50,7 @@ from skyarm.records.files import Fields, PathLike, errors_as, file_name, read_to
 from skyarm.records.files.names import require_kind
 from skyarm.records.immutable import immutable
 from skyarm.records.read_table import record_from
-from skyarm.records.units import Unit, positive
+from skyarm.records.units import Unit, nonnegative, positive
 from skyarm.vehicle import Vehicle
 from skyarm.vehicle.vehicle_files import list_vehicles, load_vehicle
 from skyarm.vehicle.vehicle_records import require_plant
@@ -115,8 +115,8 @@ class Contact:
     normal: Annotated[Vec3, Unit("", "unit vector out of the surface, world axes", rule=unit_vector)] = Vec3(
         0.0, 0.0, 1.0
     )
-    friction: Annotated[float, Unit("", "coefficient of friction", low=0.0)] = 0.7
-    force: Annotated[float, Unit("N", "least force along the normal", low=0.0)] = 0.0
+    friction: Annotated[float, nonnegative("", "coefficient of friction")] = 0.7
+    force: Annotated[float, nonnegative("N", "least force along the normal")] = 0.0
 
 
 @immutable
@@ -161,7 +161,7 @@ class TaskLimits:
     speed: Annotated[float, Unit("m/s", "largest speed of the base", low=0.01, infinite=True)] = math.inf
     rate: Annotated[float, Unit("rad/s", "largest angular rate of the base", low=0.01, infinite=True)] = math.inf
     clearance: Annotated[
-        float, Unit("m", "least distance from obstacles, and between own bodies that overlapped", low=0.0)
+        float, nonnegative("m", "least distance from obstacles, and between own bodies that overlapped")
     ] = 0.05
     rotor_lag: Annotated[
         float,

@@ -31,7 +31,7 @@ from skyarm.algebra.scalars.taylor import Taylor, nth_derivative
 from skyarm.records.field_rules import checked
 from skyarm.records.files import Fields, filled_list
 from skyarm.records.immutable import immutable
-from skyarm.records.units import Unit
+from skyarm.records.units import Unit, nonnegative
 from skyarm.reference.reference_tables import motion_from
 from skyarm.reference.signals import Constant, Derivatives, Ramp, Signal, Sum
 from skyarm.reference.task_records import Setting
@@ -88,8 +88,8 @@ class PoseTrajectory:
     roll: Annotated[Signal, Unit("rad", "desired roll of the body (ZYX)")]
     pitch: Annotated[Signal, Unit("rad", "desired pitch of the body (ZYX)")]
     yaw: Annotated[Signal, Unit("rad", "desired yaw of the body (ZYX)")]
-    lift: Annotated[Scalar, Unit("s", "time at which the body leaves its support", low=0.0)]
-    stop: Annotated[Scalar, Unit("s", "time at which the body stands on a support again", low=0.0)]
+    lift: Annotated[Scalar, nonnegative("s", "time at which the body leaves its support")]
+    stop: Annotated[Scalar, nonnegative("s", "time at which the body stands on a support again")]
 
     def at(self, t: Scalar) -> BodyMotion:
         """Desired motion of the body at time t (s)."""

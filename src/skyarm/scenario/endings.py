@@ -12,7 +12,7 @@ from skyarm.dynamics import State, link_poses
 from skyarm.dynamics.actuators.tilting import turn_rotors
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import leaves
-from skyarm.records.units import Unit
+from skyarm.records.units import nonnegative
 from skyarm.vehicle import BASE, Link, Vehicle
 
 if TYPE_CHECKING:
@@ -227,7 +227,7 @@ class Clearance(DistanceEnding):
     Rods of links that bear contact points, grippers or grasps may touch surfaces.
     """
 
-    margin: Annotated[Scalar, Unit("m", "smallest distance of a body that does not end the flight", low=0.0)] = 0.0
+    margin: Annotated[Scalar, nonnegative("m", "smallest distance of a body that does not end the flight")] = 0.0
 
     status: ClassVar[str] = "clearance"
     words: ClassVar[str] = "{1} are {0:.4g} m apart"

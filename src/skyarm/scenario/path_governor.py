@@ -27,7 +27,7 @@ from skyarm.records.files import Fields, errors_as, shown
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import field_names
 from skyarm.records.read_table import record_from
-from skyarm.records.units import Unit
+from skyarm.records.units import nonnegative, positive
 from skyarm.reference.path_time import by_flight_time
 from skyarm.reference.signals import Derivatives
 from skyarm.reference.task_records import TaskEvent
@@ -180,34 +180,23 @@ class GovernorOptions:
 
     reserve: Annotated[
         float,
-        Unit(
+        nonnegative(
             "",
             "fraction of rotor and joint limits reserved for feedback",
-            low=0.0,
             high=0.9,
             effect="higher values plan slower paths and leave more for disturbances",
         ),
     ] = 0.2
-    tilt: Annotated[
-        float, Unit("rad", "largest tilt of the base on the governed path", low=0.0, strict=True, effect=_SLOWER)
-    ] = 0.6
+    tilt: Annotated[float, positive("rad", "largest tilt of the base on the governed path", effect=_SLOWER)] = 0.6
     turning: Annotated[
         float,
-        Unit(
-            "rad/s^2",
-            "largest angular acceleration of the base on the governed path",
-            low=0.0,
-            strict=True,
-            effect=_SLOWER,
-        ),
+        positive("rad/s^2", "largest angular acceleration of the base on the governed path", effect=_SLOWER),
     ] = 10.0
     joint_speed: Annotated[
         Scalar,
-        Unit(
+        positive(
             "rad/s or m/s",
             "largest speed of every joint on the governed path; servos add limits of their own",
-            low=0.0,
-            strict=True,
             infinite=True,
             effect=_SLOWER,
         ),

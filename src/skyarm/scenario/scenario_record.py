@@ -31,7 +31,7 @@ from skyarm.records.members import SOLE, Members, members_of
 from skyarm.records.notebook import notebook_html
 from skyarm.records.path_names import agent_of, word_of
 from skyarm.records.registry import registrations
-from skyarm.records.units import Unit
+from skyarm.records.units import Unit, nonnegative, positive
 from skyarm.records.words import STRUCTURAL, Word, groups
 from skyarm.reference import Trajectory
 from skyarm.reference.path_time import PathTime
@@ -146,20 +146,18 @@ class Delays:
 
     measurement: Annotated[
         float,
-        Unit(
+        nonnegative(
             "s",
             "age of the measurement, a whole number of control periods",
-            low=0.0,
             usual=1.0,
             effect="older measurements take phase margin from every loop",
         ),
     ] = 0.0
     command: Annotated[
         Scalar,
-        Unit(
+        nonnegative(
             "s",
             "dead time before a command takes effect",
-            low=0.0,
             usual=1.0,
             effect="longer dead times take phase margin from every loop",
         ),
@@ -167,15 +165,10 @@ class Delays:
     ] = 0.0
     longest_command: Annotated[
         float | None,
-        Unit(
-            "s",
-            "longest total command delay in a batch that varies it; None: equal in all episodes",
-            low=0.0,
-            strict=True,
-        ),
+        positive("s", "longest total command delay in a batch that varies it; None: equal in all episodes"),
     ] = None
-    rotors: Annotated[Scalar, Unit("s", "additional dead time of rotor commands", low=0.0), QUEUED] = 0
-    joints: Annotated[Scalar, Unit("s", "additional dead time of joint commands", low=0.0), QUEUED] = 0
+    rotors: Annotated[Scalar, nonnegative("s", "additional dead time of rotor commands"), QUEUED] = 0
+    joints: Annotated[Scalar, nonnegative("s", "additional dead time of joint commands"), QUEUED] = 0
 
     @property
     def apart(self) -> bool:
@@ -234,7 +227,7 @@ class Change:
             tuples) or tables.
     """
 
-    at: Annotated[float, Unit("s", "time of the change; it takes effect at the next control period", low=0.0)]
+    at: Annotated[float, nonnegative("s", "time of the change; it takes effect at the next control period")]
     path: str
     value: Any
 
@@ -393,7 +386,7 @@ class Agent:
     ]
     tracking_start: Annotated[
         Scalar,
-        Unit("s", "time at which the law begins to track; before, it holds the initial reference", low=0.0),
+        nonnegative("s", "time at which the law begins to track; before, it holds the initial reference"),
         Word("reference.tracking_start"),
     ] = 0
     path_time: Annotated[PathTime | None, Word("reference.governor", varies="never")] = field_if_any(default=None)
@@ -560,7 +553,7 @@ class Scenario:
 
     name: Annotated[str, STRUCTURAL]
     title: Annotated[str, STRUCTURAL] = ""
-    duration: Annotated[float, Unit("s", "duration of the flight", low=0.0, strict=True), STRUCTURAL]
+    duration: Annotated[float, positive("s", "duration of the flight"), STRUCTURAL]
     rates: Annotated[Rates, STRUCTURAL] = Rates()
     solver: Annotated[Solver, Word("plant", group=True)] = Solver()
     agents: Annotated[

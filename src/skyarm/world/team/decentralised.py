@@ -21,7 +21,7 @@ from skyarm.algebra import E_Z, ZERO3_DATA, Scalar, Scalars, Vec3
 from skyarm.algebra.scalars import data, maximum
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import Tree
-from skyarm.records.units import Unit
+from skyarm.records.units import Unit, nonnegative, positive
 from skyarm.world.team.team import Sharing, TeamInputs, as_data, carry_of
 
 
@@ -40,34 +40,26 @@ class Decentralised(Sharing):
 
     gain: Annotated[
         Scalar,
-        Unit(
+        nonnegative(
             "m/(N s)",
             "velocity of a tip per error of its force",
-            low=0.0,
             effect="higher values yield faster and swing on stiff grasps",
         ),
     ] = 0.002
     adaptation: Annotated[
         Scalar,
-        Unit(
+        nonnegative(
             "kg s^2/m^2",
             "rate of the adapted mass per velocity of the tip, divided by gravity",
-            low=0.0,
             effect="higher values find the mass sooner and swing",
         ),
     ] = 40.0
-    initial_mass: Annotated[
-        Scalar, Unit("kg", "part of the body's mass that each member supposes at first", low=0.0)
-    ] = 0.0
+    initial_mass: Annotated[Scalar, nonnegative("kg", "part of the body's mass that each member supposes at first")] = (
+        0.0
+    )
     filter: Annotated[
         Scalar,
-        Unit(
-            "rad/s",
-            "bandwidth of the velocity",
-            low=0.0,
-            strict=True,
-            effect="higher values react sooner and pass more noise",
-        ),
+        positive("rad/s", "bandwidth of the velocity", effect="higher values react sooner and pass more noise"),
     ] = 10.0
 
     def first(self, period: float) -> tuple[MemberState, ...]:

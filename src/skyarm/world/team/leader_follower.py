@@ -21,7 +21,7 @@ from skyarm.records.coerce import RecordError
 from skyarm.records.files import must_be_one_of, shown
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import Tree
-from skyarm.records.units import Unit
+from skyarm.records.units import Unit, nonnegative, positive
 from skyarm.world.team.team import Sharing, TeamInputs, carry_of, weight_of
 
 FARTHEST = 0.1
@@ -47,20 +47,14 @@ class LeaderFollower(Sharing):
     leader: str = ""
     virtual_mass: Annotated[
         Scalar,
-        Unit(
-            "kg",
-            "mass of a follower's virtual body",
-            low=0.0,
-            strict=True,
-            effect="higher values yield later and follow less noise",
-        ),
+        positive("kg", "mass of a follower's virtual body", effect="higher values yield later and follow less noise"),
     ] = 2.0
     damping: Annotated[
         Scalar,
-        Unit("N s/m", "damping of the virtual body", low=0.0, effect="higher values yield more slowly and swing less"),
+        nonnegative("N s/m", "damping of the virtual body", effect="higher values yield more slowly and swing less"),
     ] = 60.0
     stiffness: Annotated[
-        Scalar, Unit("N/m", "stiffness of the virtual body", low=0.0, effect="higher values leave more pull")
+        Scalar, nonnegative("N/m", "stiffness of the virtual body", effect="higher values leave more pull")
     ] = 20.0
 
     def require_members(self, names: Collection[str], period: float) -> None:

@@ -44,7 +44,7 @@ from skyarm.records import coerce
 from skyarm.records.coerce import RecordError, absent
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import Tree
-from skyarm.records.units import Unit
+from skyarm.records.units import Unit, nonnegative, positive
 from skyarm.reference.object_motion import BodyMotion
 from skyarm.world.component import Column
 from skyarm.world.team.team import (
@@ -168,80 +168,72 @@ class ObjectWrench(Sharing):
 
     pose_gain: Annotated[
         Scalar,
-        Unit(
+        nonnegative(
             "1/s",
             "rate at which the error of the body's pose, less that of the tips, shifts all tips",
-            low=0.0,
             effect="higher values remove a misplaced grasp sooner and pass more noise",
         ),
     ] = 0.3
     pose_shift: Annotated[
         Scalar,
-        Unit(
+        nonnegative(
             "",
             "shift of all tips per error of the body's pose, less that of the tips; of ball grasps",
-            low=0.0,
             effect="higher values leave less of an error that comes and goes and pass more noise",
         ),
     ] = 0.6
     blind: Annotated[
         Scalar,
-        Unit(
+        nonnegative(
             "1/s",
             "rate at which the observers' estimates of internal forces decay to the desired pull",
-            low=0.0,
             effect="higher values leave less internal force and tolerate less delay of messages",
         ),
     ] = 10.0
     blind_moments: Annotated[
         Scalar,
-        Unit(
+        nonnegative(
             "1/s",
             "the same rate of the moments between tip and body, of fixed grasps",
-            low=0.0,
             effect="higher values leave less moment in a fixed grasp",
         ),
     ] = 10.0
     pull_gain: Annotated[
         Scalar,
-        Unit(
+        nonnegative(
             "m/(N s)",
             "rate at which an internal force moves the tips apart",
-            low=0.0,
             effect="higher values remove an internal force sooner and oscillate if blind is low",
         ),
     ] = 0.12
     swing: Annotated[
         Scalar,
-        Unit(
+        nonnegative(
             "s",
             "shift of all tips per sideways error of the body's velocity, of bodies on cables",
-            low=0.0,
             effect="higher values damp the swing sooner and shift the members more",
         ),
     ] = 0.0
     filter: Annotated[
         Scalar,
-        Unit(
+        positive(
             "rad/s",
             "bandwidth of the filter of all shifts",
-            low=0.0,
-            strict=True,
             effect="higher values shift the tips sooner and pass more noise",
         ),
     ] = 10.0
     delay: Annotated[
         float,
-        Unit("s", "age of the other members' forces, a whole number of control periods", low=0.0, high=1.0, fixed=True),
+        nonnegative("s", "age of the other members' forces, a whole number of control periods", high=1.0, fixed=True),
     ] = 0.0
 
     rate: Annotated[
-        Scalar, Unit("Hz", "rate at which members send their forces to the others; 0: in every control period", low=0.0)
+        Scalar, nonnegative("Hz", "rate at which members send their forces to the others; 0: in every control period")
     ] = 0
-    loss: Annotated[Scalar, Unit("", "probability that a message is lost", low=0.0, high=1.0)] = 0
+    loss: Annotated[Scalar, nonnegative("", "probability that a message is lost", high=1.0)] = 0
     timeout: Annotated[
         Scalar,
-        Unit("s", "age of a message, without delay, from which internal forces are not controlled", low=0.0),
+        nonnegative("s", "age of a message, without delay, from which internal forces are not controlled"),
     ] = 0.5
 
     @property

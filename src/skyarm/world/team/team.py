@@ -35,7 +35,7 @@ from skyarm.records.field_rules import accept_fields
 from skyarm.records.files import must_be_one_of, shown
 from skyarm.records.immutable import field_if_any, immutable
 from skyarm.records.leaves import Tree
-from skyarm.records.units import Unit
+from skyarm.records.units import Unit, nonnegative, positive
 from skyarm.reference.carry import Carry
 from skyarm.reference.object_motion import BodyMotion, PoseTrajectory
 from skyarm.reference.signals import Constant, Ramp, Signal, Sum
@@ -80,17 +80,16 @@ class Member:
     agent: str
     place: Annotated[Vec3, Unit("m", "supposed place of the grasp, axes of the body from its middle")]
     length: Annotated[
-        float, Unit("m", "supposed length of its cable; left out: that of its grasp", low=0.0, fixed=True)
+        float, nonnegative("m", "supposed length of its cable; left out: that of its grasp", fixed=True)
     ] = field_if_any(default=0)
     taken: Annotated[
         Vec3 | None, Unit("m", "place where the tip really takes hold, if that is another; left out: place")
     ] = None
     mass: Annotated[
         Scalar,
-        Unit(
+        nonnegative(
             "",
             "virtual mass, to which its share of the force is proportional; 0: the load that it can bear, on cables 1",
-            low=0.0,
         ),
     ] = 0.0
     kind: Annotated[
@@ -208,30 +207,29 @@ class Team(Component[TeamMemory]):
     members: tuple[Member, ...] = ()
     motion: PoseTrajectory | None = field_if_any(default=None)
     take: Annotated[
-        Scalar, Unit("s", "time from which the members hold the body; 0: when the last grasp closes", low=0.0)
+        Scalar, nonnegative("s", "time from which the members hold the body; 0: when the last grasp closes")
     ] = 0.0
-    mass: Annotated[Scalar, Unit("kg", "supposed mass of the body; 0: that of the object", low=0.0)] = 0
+    mass: Annotated[Scalar, nonnegative("kg", "supposed mass of the body; 0: that of the object")] = 0
     inertia: Annotated[
-        Vec3, Unit("kg m^2", "supposed moments of inertia of the body; 0: those of the object", low=0.0)
+        Vec3, nonnegative("kg m^2", "supposed moments of inertia of the body; 0: those of the object")
     ] = ZERO3
     position_noise: Annotated[
-        Scalar, Unit("m", "standard deviation of the body's measured position, each axis", low=0.0)
+        Scalar, nonnegative("m", "standard deviation of the body's measured position, each axis")
     ] = 0
     attitude_noise: Annotated[
-        Scalar, Unit("rad", "standard deviation of the body's measured attitude, each axis", low=0.0)
+        Scalar, nonnegative("rad", "standard deviation of the body's measured attitude, each axis")
     ] = 0
     velocity_noise: Annotated[
-        Scalar, Unit("m/s", "standard deviation of the body's measured velocity, each axis", low=0.0)
+        Scalar, nonnegative("m/s", "standard deviation of the body's measured velocity, each axis")
     ] = 0
     rate_noise: Annotated[
-        Scalar, Unit("rad/s", "standard deviation of the body's measured angular velocity, each axis", low=0.0)
+        Scalar, nonnegative("rad/s", "standard deviation of the body's measured angular velocity, each axis")
     ] = 0
     pose_age: Annotated[
         float,
-        Unit(
+        nonnegative(
             "s",
             "age of the body's measured motion, a whole number of control periods, known to the law",
-            low=0.0,
             high=1.0,
             fixed=True,
         ),
@@ -601,9 +599,7 @@ class Sharing(Team):
     internal_force: Annotated[Scalar, Unit("N", "desired pull along the lines of the grasps, positive in tension")] = (
         0.0
     )
-    rise: Annotated[
-        Scalar, Unit("s", "time before the lift in which the members take the load", low=0.0, strict=True)
-    ] = 1.3
+    rise: Annotated[Scalar, positive("s", "time before the lift in which the members take the load")] = 1.3
     internal_forces: Annotated[
         tuple[Scalar, ...],
         Unit("N", "desired pulls of members 0 and 1, 0 and 2, 1 and 2 and so on; left out: all internal_force"),

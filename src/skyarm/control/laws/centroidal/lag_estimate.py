@@ -37,7 +37,7 @@ from skyarm.control.laws.centroidal.parameters import (
     with_joint_damping,
 )
 from skyarm.records.immutable import immutable
-from skyarm.records.units import Unit
+from skyarm.records.units import Unit, positive
 
 TILTS = 2
 """Number of base axes used for the lag estimate: roll and pitch, which rotors turn by thrust."""
@@ -100,21 +100,17 @@ class LagGains(OptionalPart):
 
     base: Annotated[
         Scalar,
-        Unit(
+        positive(
             "s",
             "lag of the rotor loops that halves their bandwidth",
-            low=0.0,
-            strict=True,
             effect="lower values slow the loops down sooner when a lag is found",
         ),
     ]
     joints: Annotated[
         Scalar,
-        Unit(
+        positive(
             "s",
             "lag of the joint loops that halves their bandwidth",
-            low=0.0,
-            strict=True,
             effect="lower values slow the loops down sooner when a lag is found",
         ),
     ]

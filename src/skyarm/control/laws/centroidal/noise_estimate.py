@@ -24,7 +24,7 @@ from skyarm.control.blocks.select import vector_data
 from skyarm.control.laws.centroidal.parameters import CentroidalParameters, OptionalPart
 from skyarm.control.laws.centroidal.step_records import ObserverOutput
 from skyarm.records.immutable import immutable
-from skyarm.records.units import Unit
+from skyarm.records.units import Unit, positive
 from skyarm.vehicle import Vehicle
 
 RATE = 2.0
@@ -94,11 +94,9 @@ class NoiseGains(OptionalPart):
 
     density: Annotated[
         Scalar,
-        Unit(
+        positive(
             "m/s/Hz^0.5",
             "noise density of the velocity that leaves the observer its full bandwidth",
-            low=0.0,
-            strict=True,
             effect="higher values keep the bandwidth with noisier sensors",
         ),
     ]

@@ -29,7 +29,7 @@ from skyarm.control.laws.predictive.prediction import StageInputs, accelerations
 from skyarm.control.model import Model
 from skyarm.dynamics import State, frame_pose
 from skyarm.records.immutable import immutable
-from skyarm.records.units import Unit
+from skyarm.records.units import nonnegative
 from skyarm.vehicle import BASE, Vehicle
 
 
@@ -149,79 +149,72 @@ class Weights:
 
     position: Annotated[
         Scalar,
-        Unit(
+        nonnegative(
             "1/m",
             "weight of the position error of the base: reciprocal of the error that adds 1 to the cost in a second",
-            low=0.0,
             effect="higher values hold the position more tightly at the cost of the other errors",
         ),
     ] = 10.0
     velocity: Annotated[
         Scalar,
-        Unit("s/m", "weight of the velocity error of the base", low=0.0, effect="higher values damp the base more"),
+        nonnegative("s/m", "weight of the velocity error of the base", effect="higher values damp the base more"),
     ] = 2.0
     heading: Annotated[
         Scalar,
-        Unit("1/rad", "weight of the heading error", low=0.0, effect="higher values hold the heading more tightly"),
+        nonnegative("1/rad", "weight of the heading error", effect="higher values hold the heading more tightly"),
     ] = 2.0
     rate: Annotated[
-        Scalar, Unit("s/rad", "weight of the body rate", low=0.0, effect="higher values turn the base more gently")
+        Scalar, nonnegative("s/rad", "weight of the body rate", effect="higher values turn the base more gently")
     ] = 0.2
     joints: Annotated[
         Scalar,
-        Unit(
+        nonnegative(
             "1/rad or 1/m",
             "weight of the joint position errors",
-            low=0.0,
             effect="higher values hold the joints on their references, lower ones let them help the tip",
         ),
     ] = 5.0
     joint_rates: Annotated[
         Scalar,
-        Unit("s/rad or s/m", "weight of the joint rate errors", low=0.0, effect="higher values damp the joints more"),
+        nonnegative("s/rad or s/m", "weight of the joint rate errors", effect="higher values damp the joints more"),
     ] = 0.2
     joint_accelerations: Annotated[
         Scalar,
-        Unit(
+        nonnegative(
             "s^2/rad or s^2/m",
             "weight of the joint accelerations",
-            low=0.0,
             effect="higher values move the arm more smoothly and later",
         ),
     ] = 0.005
     tool: Annotated[
         Scalar,
-        Unit(
+        nonnegative(
             "1/m",
             "weight of the tip position error",
-            low=0.0,
             effect="higher values hold the tip more tightly at the cost of base and joints",
         ),
     ] = 50.0
     rotor_accelerations: Annotated[
         Scalar,
-        Unit(
+        nonnegative(
             "s^2/rad",
             "weight of the rotor accelerations",
-            low=0.0,
             effect="higher values use the rotors more gently and respond later",
         ),
     ] = 3e-4
     final: Annotated[
         Scalar,
-        Unit(
+        nonnegative(
             "s",
             "time for which the errors at the end of the horizon count",
-            low=0.0,
             effect="higher values settle more surely and look less at the way there",
         ),
     ] = 0.2
     force: Annotated[
         Scalar,
-        Unit(
+        nonnegative(
             "1/N",
             "weight of the contact force error while the tip presses",
-            low=0.0,
             effect="higher values hold the force more tightly at the cost of the position",
         ),
     ] = 2.5

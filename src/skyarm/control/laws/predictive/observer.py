@@ -28,7 +28,7 @@ from skyarm.dynamics.actuators import Command, limited_effort
 from skyarm.records.arrays import Array, doubles
 from skyarm.records.immutable import immutable, positional
 from skyarm.records.leaves import leaves
-from skyarm.records.units import Unit
+from skyarm.records.units import positive
 from skyarm.sensing.measurement import Measurement, blank_measurement
 
 
@@ -46,31 +46,25 @@ class Bandwidths:
 
     linear: Annotated[
         Scalar,
-        Unit(
+        positive(
             "rad/s",
             "bandwidth of the observer of the base's linear motion",
-            low=0.0,
-            strict=True,
             effect="higher values reject forces faster and amplify noise",
         ),
     ] = 25.0
     angular: Annotated[
         Scalar,
-        Unit(
+        positive(
             "rad/s",
             "bandwidth of the observer of the base's angular motion",
-            low=0.0,
-            strict=True,
             effect="higher values reject torques faster and amplify noise",
         ),
     ] = 30.0
     joints: Annotated[
         Scalar,
-        Unit(
+        positive(
             "rad/s",
             "bandwidth of the observer of the joints' motion",
-            low=0.0,
-            strict=True,
             effect="higher values reject joint efforts faster and amplify noise",
         ),
     ] = 40.0

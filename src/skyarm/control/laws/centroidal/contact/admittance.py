@@ -35,7 +35,7 @@ from skyarm.dynamics.kinematics import frame_pose
 from skyarm.records.coerce import concrete
 from skyarm.records.files import Fields, errors_as, shown
 from skyarm.records.immutable import immutable
-from skyarm.records.units import Unit
+from skyarm.records.units import Unit, nonnegative
 from skyarm.vehicle import Vehicle
 
 LIGHTEST, HEAVIEST = 0.01, 1000.0
@@ -51,32 +51,29 @@ class Compliance:
 
     inertia: Annotated[
         Scalars,
-        Unit(
+        nonnegative(
             "kg",
             "mass of the virtual body along each axis; 0 locks an axis",
-            low=0.0,
             effect="higher values yield more slowly and tolerate more delay",
         ),
     ]
     damping: Annotated[
         Scalars,
-        Unit(
+        nonnegative(
             "N s/m",
             "damping of the virtual body along each axis",
-            low=0.0,
             effect="higher values yield more slowly and oscillate less on a stiff surface",
         ),
     ]
     stiffness: Annotated[
         Scalars,
-        Unit(
+        nonnegative(
             "N/m",
             "stiffness of the virtual body towards the reference along each axis",
-            low=0.0,
             effect="higher values yield less under a force; 0 does not return",
         ),
     ]
-    lead: Annotated[Scalar, Unit("s", "lag of the measured force that is compensated", low=0.0)]
+    lead: Annotated[Scalar, nonnegative("s", "lag of the measured force that is compensated")]
     axes: Annotated[
         tuple[Vec3, ...], Unit("", "unit vectors of the axes, world axes; empty for the world's own axes")
     ] = ()
@@ -143,10 +140,9 @@ class Detection:
 
     threshold: Annotated[
         Scalar,
-        Unit(
+        nonnegative(
             "N",
             "tip force above which an external force is detected",
-            low=0.0,
             effect="higher values ignore noise and wind, and miss weak forces",
         ),
     ] = 0.3

@@ -43,7 +43,7 @@ from skyarm.dynamics.point_motion import PointMotion
 from skyarm.dynamics.state import State
 from skyarm.records.coerce import absent
 from skyarm.records.immutable import immutable
-from skyarm.records.units import Unit
+from skyarm.records.units import Unit, nonnegative, positive
 from skyarm.reference import Reference
 from skyarm.reference.carry import Carry
 from skyarm.reference.preview import Sample
@@ -102,30 +102,25 @@ class CarryingGains(OptionalPart):
 
     bandwidth: Annotated[
         Scalar,
-        Unit(
+        positive(
             "",
             "factor of all gains while a load is carried; of the rotors' at least",
-            low=0.0,
-            strict=True,
             effect="lower values tolerate more inertia of the load and reject wind less",
         ),
     ]
     inertia: Annotated[
         Scalar,
-        Unit(
+        nonnegative(
             "",
             "share of the load's mass that the model has at the tip",
-            low=0.0,
             effect="higher values hold the load more exactly in wind; noise reaches rotors and pull more",
         ),
     ] = 0
     moment: Annotated[
         Scalar,
-        Unit(
+        positive(
             "N m",
             "typical moment between tip and load",
-            low=0.0,
-            strict=True,
             effect="higher values suit a fixed grasp and make the estimated force noisier",
         ),
     ] = 0.1
