@@ -7,7 +7,7 @@ from functools import cache
 
 import numpy as np
 import pytest
-from scipy.spatial.transform import Rotation
+from scipy.spatial.transform import Rotation, RotationSpline
 
 from skyarm.algebra.frames import turn_vectors
 from skyarm.flight_data.clocks import (
@@ -525,3 +525,70 @@ def test_a_velocity_without_an_attitude_shows_no_clock() -> None:
     bare = FlightData(name="a", file="", channels={name: given[name] for name in ("accelerometer", "velocity")})
     with pytest.raises(ValueError, match="clocks: must hold gyro and quaternion or"):
         clock_offset(bare)
+
+
+def shaking(
+    seed: int, rate: float, band: tuple[float, float], offset: float, seconds: float = 16.0, noise: float = 2e-3
+) -> FlightData:
+    """A hover that sways slowly and shakes within a band (Hz): a gyro of 250 Hz, and attitudes whose clock is behind.
+
+    Attitudes and their rates are those of a spline of SciPy's rotations.
+    """
+    rng, knots = np.random.default_rng(seed), np.arange(0.0, seconds, 0.008)
+
+    def tones(low: float, high: float, size: float) -> np.ndarray:
+        pulses = 2 * np.pi * rng.uniform(low, high, 12)
+        sines = np.sin(pulses * knots[:, None] + rng.uniform(0.0, 2 * np.pi, 12)) / pulses
+        return size * sines.sum(axis=1) / np.std(np.gradient(sines.sum(axis=1), knots))
+
+    turns = np.stack([tones(0.3, 2.0, 0.05) + tones(*band, 0.12) for _ in range(3)], axis=1)
+    spline = RotationSpline(knots, Rotation.from_rotvec(turns))
+    time, stamps = np.arange(0.0, seconds - 0.1, 0.004), np.arange(0.05, seconds - 0.1, 1.0 / rate)
+    rates = spline(time, 1) + noise * rng.normal(size=(time.size, 3))
+    poses = spline(stamps).as_quat()[:, [3, 0, 1, 2]] + 2e-4 * rng.normal(size=(stamps.size, 4))
+    gyro, pose = Channel(time=time, values=rates, source=""), Channel(time=stamps - offset, values=poses, source="")
+    return FlightData(name="shakes", file="", channels={"gyro": gyro, "quaternion": pose})
+
+
+@pytest.mark.parametrize(
+    ("rate", "band", "offset"),
+    [
+        (20.8, (6.0, 9.0), 0.0),
+        (20.8, (6.0, 9.0), 0.04),
+        (30.0, (8.0, 12.0), -0.05),
+        (60.0, (5.0, 8.0), 0.02),
+        (150.0, (8.0, 12.0), -0.03),
+    ],
+)
+def test_a_hover_that_shakes_as_fast_as_its_pose_is_sampled_has_its_true_clock(
+    rate: float, band: tuple[float, float], offset: float
+) -> None:
+    """Within 2 s a correlation has a hill for each period of the shaking; only one of them is the clock's."""
+    found = clock_offset(shaking(3, rate, band, offset))
+    assert abs(found.offset - offset) < 2.0 * found.offset_error
+    assert found.offset_error < 1.5e-3
+
+
+def test_a_reset_of_the_heading_changes_no_clock_and_moves_with_the_pose() -> None:
+    """The heading jumps by 0.5 rad between two rows, again and again; each such step is left out."""
+    given = shaking(3, 60.0, (2.0, 4.0), 0.03)
+    pose = given["quaternion"]
+    rows, turns = np.arange(20, pose.time.size - 1, 40), Rotation.from_quat(pose.values[:, [1, 2, 3, 0]])
+    steps = np.searchsorted(rows, np.arange(pose.time.size), "left")
+    turned = (Rotation.from_rotvec(0.5 * steps[:, None] * [0.0, 0.0, 1.0]) * turns).as_quat()[:, [3, 0, 1, 2]]
+    jumping = given.with_channels({"quaternion": dataclasses.replace(pose, values=turned)})
+    jumps = tuple((float(pose.time[row]), float(pose.time[row + 1])) for row in rows)
+    before, found = clock_offset(given), clock_offset(dataclasses.replace(jumping, jumps=jumps))
+    assert found.offset == pytest.approx(before.offset, abs=before.offset_error)
+    assert found.correlation > 0.99
+    aligned, clock = align_poses(dataclasses.replace(jumping, jumps=jumps))
+    assert clock is not None
+    assert aligned.jumps[0] == pytest.approx(clock.times(np.array(jumps[0])), abs=1e-12)
+
+
+def test_a_clock_is_unknown_where_a_period_of_the_shaking_later_fits_as_well() -> None:
+    """The hills of the correlation differ by less than the noise makes them differ."""
+    flown = shaking(1, 50.0, (6.6, 7.4), 0.0, 6.0, 0.5)
+    with pytest.raises(ValueError, match=r"offsets of .* s fit equally well"):
+        clock_offset(flown, "quaternion")
+    assert align_poses(flown) == (flown, None)

@@ -24,7 +24,7 @@ FORMATS = {
     "sensor_combined": "uint64_t timestamp;float[3] gyro_rad;int32_t accelerometer_timestamp_relative;"
     "float[3] accelerometer_m_s2",
     "vehicle_angular_velocity": "uint64_t timestamp;uint64_t timestamp_sample;float[3] xyz",
-    "vehicle_attitude": "uint64_t timestamp;float[4] q",
+    "vehicle_attitude": "uint64_t timestamp;float[4] q;uint8_t quat_reset_counter",
     "vehicle_local_position": "uint64_t timestamp;float x;float y;float z;float vx;float vy;float vz",
     "actuator_outputs": "uint64_t timestamp;uint32_t noutputs;float[8] output",
     "actuator_motors": "uint64_t timestamp;float[4] control",
@@ -35,7 +35,7 @@ FORMATS = {
 PACKED = {
     "sensor_combined": "<Q3fi3f",
     "vehicle_angular_velocity": "<QQ3f",
-    "vehicle_attitude": "<Q4f",
+    "vehicle_attitude": "<Q4fB",
     "vehicle_local_position": "<Q6f",
     "actuator_outputs": "<QI8f",
     "actuator_motors": "<Q4f",
@@ -94,7 +94,7 @@ def test_axes_units_and_clocks_of_px4_become_ours(tmp_path: Path) -> None:
     half = 0.5**0.5
     rows = [
         combined(1_500_000),
-        ("vehicle_attitude", (1_500_000, half, 0.0, 0.0, half)),
+        ("vehicle_attitude", (1_500_000, half, 0.0, 0.0, half, 0)),
         ("vehicle_local_position", (1_510_000, 1, 2, 3, 4, 5, 6)),
         ("battery_status", (1_520_000, 15.5)),
         ("esc_status", (1_530_000, 4, 3000.0, 1, 6000.0, 1, 0.0, 1, 60.0, 1)),
@@ -116,6 +116,16 @@ def test_axes_units_and_clocks_of_px4_become_ours(tmp_path: Path) -> None:
     assert flight.facts["parameter PWM_MIN"] == 1100
     assert (flight.facts["vehicle"], flight.facts["firmware"]) == ("PX4", "PX4")
     assert flight.notes == ()
+
+
+def test_resets_of_the_estimator_are_steps_across_which_nothing_is_compared(tmp_path: Path) -> None:
+    rows = [
+        ("vehicle_attitude", (1_500_000 + 40_000 * k, 1, 0, 0, 0, (254 + (k > 2) + (k > 5)) % 256)) for k in range(9)
+    ]
+    flight = load_flight(written(tmp_path, packed([combined(1_400_000), *rows])))
+    assert np.array(flight.jumps) == pytest.approx(np.array([(0.18, 0.22), (0.3, 0.34)]), abs=1e-9)
+    assert flight.notes == ("pose: the estimator reset it at 0.22, 0.34 s; nothing is compared across that.",)
+    assert flight.section(0.0, 0.2).jumps == flight.jumps
 
 
 def test_the_place_of_the_inertial_unit_is_that_of_px4_s_parameters(tmp_path: Path) -> None:
@@ -292,7 +302,7 @@ def test_a_wrong_file_is_one_line(tmp_path: Path, data: bytes, words: str) -> No
 )
 def test_a_damaged_format_loses_its_topic_only(tmp_path: Path, before: bytes, after: bytes) -> None:
     rows = [row for k in range(9) for row in (combined(10**6 + k), ("battery_status", (10**6 + k, 15.0)))]
-    rows += [("vehicle_attitude", (10**6 + k, 1, 0, 0, 0)) for k in range(9)]
+    rows += [("vehicle_attitude", (10**6 + k, 1, 0, 0, 0, 0)) for k in range(9)]
     data = packed(rows)
     assert data.count(before) == 1
     flight = load_flight(written(tmp_path, data.replace(before, after)))

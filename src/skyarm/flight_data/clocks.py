@@ -47,8 +47,15 @@ WITHIN, WIDEST = 2.0, math.inf
 LEAST_CORRELATION, FIRM_CORRELATION = 0.5, 0.9
 """Least correlation of a found offset, and of one beyond the usual offsets within a file."""
 
-RIVAL = 0.97
-"""Fraction of the best correlation that no other offset may reach."""
+RIVAL, RIVALS = 0.97, 5
+"""Fraction of the best correlation that no other offset may reach; number of other peaks that are compared with it."""
+
+SHARED = 0.5
+"""Least fraction of the rows at one offset that must lie within the reference at a rival, for a comparison there."""
+
+FINER = 8
+"""Steps of the searched offsets in a step of the slower stream: motion to 12 Hz and more has its peaks some steps
+wide."""
 
 MEMORY = 1.0
 """Longest correlation time (s) of residuals."""
@@ -65,6 +72,10 @@ PARTS = 4
 
 NORMAL = 1.959964
 """Half-width of a 95 % interval, in standard deviations."""
+
+BETWEEN = 0.05
+"""Least half-width of the interval of an offset, in steps of the reference: what lies between its samples is
+unknown."""
 
 ITERATIONS, FEWEST = 30, 10
 """Largest number of iterations of a search; least number of rows that determine a clock."""
@@ -152,7 +163,12 @@ def align(flight: FlightData, offset: ClockOffset, channels: Sequence[str]) -> F
     """Return a flight with some time series shifted to the clock of the reference sensor, and with a note on that."""
     moved = {name: replace(flight[name], time=offset.times(flight[name].time)) for name in channels}
     words = f"{', '.join(channels)}: moved to the clock of {offset.reference}: {offset.words}."
-    return flight.with_channels(moved, words)
+    return replace(flight.with_channels(moved, words), jumps=_moved_jumps(flight, offset))
+
+
+def _moved_jumps(flight: FlightData, offset: ClockOffset) -> tuple[tuple[float, float], ...]:
+    """Steps with resets of a flight's pose, on the clock of the reference sensor."""
+    return tuple(map(tuple, offset.times(np.array(flight.jumps).reshape(-1, 2)).tolist()))
 
 
 def fresh_poses(flight: FlightData) -> FlightData:
@@ -238,7 +254,8 @@ def join_flights(flight: FlightData, other: FlightData) -> tuple[FlightData, Clo
     }
     words = f"{', '.join(added)}: are of {other.name}, moved to the clock of {offset.reference}: {offset.words}."
     both = flight.with_channels(added, *other.notes, words)
-    return replace(both, facts={**other.facts, **flight.facts}), offset
+    jumps = (*flight.jumps, *_moved_jumps(other, offset))
+    return replace(both, facts={**other.facts, **flight.facts}, jumps=jumps), offset
 
 
 class _Pair:
@@ -259,7 +276,10 @@ class _Pair:
             raise ValueError(f"{other.name}: {name}: {other[name].time.size} rows: must be of a longer flight")
         steps, order = np.diff(time), 2 if name == "position" else 1
         self.width = float(np.median(steps))
-        even = np.convolve(np.abs(steps - self.width) < UNEVEN * self.width, np.ones(order), "valid") == order
+        usual = np.abs(steps - self.width) < UNEVEN * self.width
+        for begin, end in other.jumps:
+            usual &= (time[1:] <= begin) | (time[:-1] >= end)
+        even = np.convolve(usual, np.ones(order), "valid") == order
         self.reference, self.integrals = flight[first].time, [flight[first].values]
         for _ in range(order):
             slopes = rotations_between(values[:-1], values[1:]) if name == "quaternion" else np.diff(values, axis=0)
@@ -307,18 +327,28 @@ def _clip(values: Array) -> Array:
     return np.asarray(clipped - clipped.mean(axis=0))
 
 
-def _best_offset(pair: _Pair, widest: float) -> float:
-    """Clock offset (s) with the highest cross-correlation on a regular grid.
+def _best_offset(pair: _Pair, widest: float) -> tuple[float, float | None]:
+    """Clock offset (s) with the highest cross-correlation on a fine grid, and another that may be as good.
+
+    A vehicle that shakes faster than the stream is sampled correlates about as well one period of its motion beside the
+    true offset. Such a rival must be worse by more than chance (F. X. Diebold, R. S. Mariano, "Comparing predictive
+    accuracy", Journal of Business and Economic Statistics 13, 1995).
 
     Raises:
-        ValueError: one line: two offsets that are equally good.
+        ValueError: one line: streams that hardly overlap.
     """
-    step = pair.width
-    grid, other = (np.arange(each[0], each[-1], step) for each in (pair.reference, pair.time))
-    a, b = len(grid), len(other)
-    signals = zip(_clip(pair.means(grid)[0]).T, _clip(columns_at(other, pair.time, pair.values)).T, strict=True)
-    sums, lags = np.sum([np.correlate(one, two, "full") for one, two in signals], axis=0), np.arange(1 - b, a)
-    offsets = grid[0] - other[0] + lags * step
+    step = pair.width / FINER
+    grid = np.arange(pair.reference[0], pair.reference[-1], step)
+    place = np.rint((pair.time - pair.time[0]) / step).astype(int)
+    a, b = len(grid), int(place[-1]) + 1
+    given, values = _clip(pair.means(grid)[0]), _clip(pair.values)
+    seen = np.zeros((b, values.shape[1]))
+    np.add.at(seen, place, values)
+    size = 1 << (a + b).bit_length()
+    spectra = np.fft.rfft(given, size, axis=0) * np.fft.rfft(seen, size, axis=0).conj()
+    lags = np.arange(1 - b, a)
+    sums = np.fft.irfft(spectra.sum(axis=1), size)[lags]
+    offsets = grid[0] - pair.time[0] + lags * step
     overlap = np.minimum(lags + b, a) - np.maximum(lags, 0)
     near = (np.abs(offsets) <= widest) & (overlap >= 0.3 * min(a, b))
     if not near.any():
@@ -326,13 +356,28 @@ def _best_offset(pair: _Pair, widest: float) -> float:
     scores = np.where(near, sums, -np.inf)
     best = int(np.argmax(scores))
     peaks = np.flatnonzero((scores[1:-1] >= scores[:-2]) & (scores[1:-1] >= scores[2:])) + 1
-    rival = max(peaks[np.abs(peaks - best) > 3], key=scores.__getitem__, default=best)
-    if rival != best and scores[rival] > RIVAL * scores[best] > 0.0:
-        raise ValueError(
-            f"clocks: offsets of {offsets[best]:.2f} and {offsets[rival]:.2f} s fit equally well: must be a motion "
-            "that does not repeat itself"
-        )
-    return float(offsets[best])
+    peaks = peaks[np.abs(peaks - best) > FINER // 2]
+    for rival in peaks[np.argsort(-scores[peaks])][:RIVALS]:
+        close = scores[rival] > RIVAL * scores[best] > 0.0
+        if close or _is_as_good(pair, float(offsets[best]), float(offsets[rival])):
+            return float(offsets[best]), float(offsets[rival])
+    return float(offsets[best]), None
+
+
+def _is_as_good(pair: _Pair, offset: float, rival: float) -> bool:
+    """True if the stream correlates as well at another offset (s), or deviates there by chance alone."""
+    inside = pair.is_inside(pair.time + offset)
+    both = inside & pair.is_inside(pair.time + rival)
+    if both.sum() < max(FEWEST, SHARED * inside.sum()):
+        return False
+    given = _clip(pair.values[both])
+    own, other = (_clip(pair.means(pair.time[both] + each)[0]) for each in (offset, rival))
+    if np.sum(given * other) > RIVAL * np.sum(given * own):
+        return True
+    worse = np.sum((given - other) ** 2 - (given - own) ** 2, axis=1)
+    memory = max(1, round(MEMORY / pair.width))
+    spread = math.sqrt(_long_run(worse[:, None] - worse.mean(), memory)[0, 0])
+    return float(worse.sum()) < NORMAL * spread
 
 
 def _refine(pair: _Pair, rows: Mask, start: Array, middle: float, free: int = 2) -> tuple[Array, Array]:
@@ -374,7 +419,8 @@ def _refine(pair: _Pair, rows: Mask, start: Array, middle: float, free: int = 2)
 
 def _offset(pair: _Pair, first: str, name: str, middle: float, widest: float, least: float) -> ClockOffset:
     """Estimate offset and drift of a data stream by cross-correlation, then least squares."""
-    estimate, errors = _refine(pair, pair.time > -np.inf, np.array([_best_offset(pair, widest), 0.0]), middle)
+    best, rival = _best_offset(pair, widest)
+    estimate, errors = _refine(pair, pair.time > -np.inf, np.array([best, 0.0]), middle)
     when = pair.time + estimate[0] + estimate[1] * (pair.time - middle)
     inside = pair.is_inside(when)
     a, b = _clip(pair.means(when[inside])[0]), _clip(pair.values[inside])
@@ -384,6 +430,11 @@ def _offset(pair: _Pair, first: str, name: str, middle: float, widest: float, le
             f"clock of {name}: correlation with {first} = {correlation:.2f}: must be at least {least:g}, "
             "else the motion does not show its offset"
         )
+    if rival is not None:
+        raise ValueError(
+            f"clocks: offsets of {best:.2f} and {rival:.2f} s fit equally well: must be a motion that does not repeat "
+            "itself"
+        )
     wander = 0.0
     for begin, end in pairwise(np.linspace(pair.time[0], pair.time[-1], PARTS + 1)):
         part = (pair.time >= begin) & (pair.time <= end)
@@ -391,6 +442,7 @@ def _offset(pair: _Pair, first: str, name: str, middle: float, widest: float, le
             own, _ = _refine(pair, part, estimate, middle, 1)
             wander = max(wander, abs(float(own[0] - estimate[0])))
     (offset, drift), (offset_error, drift_error) = estimate.tolist(), errors.tolist()
+    offset_error = math.hypot(offset_error, BETWEEN * float(np.median(np.diff(pair.reference))))
     return ClockOffset(first, name, offset, offset_error, drift, drift_error, middle, wander, correlation)
 
 
@@ -409,6 +461,11 @@ def _robust(jacobian: Array, given: Array) -> tuple[Array, Array, Array]:
 def _covariance(jacobian: Array, moments: Array, memory: int) -> Array:
     """Newey-West covariance of a least-squares estimate with residuals correlated over neighbouring samples."""
     inverse = np.linalg.pinv(jacobian.T @ jacobian)
+    return inverse @ _long_run(moments, memory) @ inverse
+
+
+def _long_run(moments: Array, memory: int) -> Array:
+    """Newey-West covariance (k, k) of the sum of samples (N, k) that are correlated over neighbouring ones."""
     sums = np.cumsum(np.pad(moments, ((memory + 1, memory), (0, 0))), axis=0)
     windows = sums[memory + 1 :] - sums[: -memory - 1]  # whose products have Bartlett's weights
-    return inverse @ (windows.T @ windows) @ inverse / (memory + 1)
+    return np.asarray(windows.T @ windows / (memory + 1))

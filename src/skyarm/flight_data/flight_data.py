@@ -80,6 +80,7 @@ class FlightData:
         notes: losses and repairs while reading, one sentence each.
         facts: other contents of the file: vehicle, firmware, parameters, ``start`` of the clock in the file's own time.
         unused: topics and columns of the file that no channel was made of.
+        jumps: (begin, end), s, of each step in which an estimator reset a pose: nothing is compared across it.
 
     Raises:
         ValueError: one line: a channel of an unknown name or of a wrong width.
@@ -91,6 +92,7 @@ class FlightData:
     notes: tuple[str, ...] = ()
     facts: Mapping[str, str | float] = field(default_factory=dict)
     unused: tuple[str, ...] = ()
+    jumps: tuple[tuple[float, float], ...] = ()
 
     def __post_init__(self) -> None:
         for name, channel in self.channels.items():

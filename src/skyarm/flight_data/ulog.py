@@ -10,6 +10,7 @@ from __future__ import annotations
 import io
 import re
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -41,6 +42,9 @@ USUAL_LIMITS = {"MIN": 1000.0, "MAX": 2000.0}
 
 KEPT = re.compile(r"(SYS_AUTOSTART|MAV_TYPE|THR_MDL_FAC|CA_ROTOR.*|PWM_(MAIN_|AUX_)?(MIN|MAX|FUNC)\d*)")
 """Pattern of parameters that are facts of a flight."""
+
+RESETS = {"vehicle_attitude": ("quat",), "vehicle_local_position": ("xy", "z", "vxy", "vz")}
+"""Topic -> quantities whose resets by the estimator it counts."""
 
 SHARES = "rotor signals"
 """Name of the table of rotor signals as fractions, made from outputs and parameters."""
@@ -80,7 +84,23 @@ def read_ulog(path: Path, columns: Columns | None) -> FlightData:
     facts |= {word: log.msg_info_dict[key] for key, word in names.items() if key in log.msg_info_dict}
     facts |= _place(parameters)
     facts |= {f"parameter {name}": value for name, value in parameters.items() if KEPT.fullmatch(name)}
-    return flight_of(path, tables, usual, columns, origin=start * SECOND, facts=facts, notes=notes)
+    flight = flight_of(path, tables, usual, columns, origin=start * SECOND, facts=facts, notes=notes)
+    return _with_resets(flight, tables, float(flight.facts["start"]) - start * SECOND)
+
+
+def _with_resets(flight: FlightData, tables: Mapping[str, RawTable], begin: float) -> FlightData:
+    """Flight with the steps in which the estimator reset attitude, position or velocity; its time 0 is at ``begin``."""
+    spans = set[tuple[float, float]]()
+    for topic, names in RESETS.items():
+        for column in (f"{name}_reset_counter" for name in names):
+            if topic in tables and tables[topic].has(column):
+                time = tables[topic].time - begin
+                spans |= {(time[row], time[row + 1]) for row in np.flatnonzero(np.diff(tables[topic].numbers(column)))}
+    if not spans:
+        return flight
+    when = ", ".join(f"{end:.2f}" for _, end in sorted(spans))
+    words = f"pose: the estimator reset it at {when} s; nothing is compared across that."
+    return replace(flight, jumps=tuple(sorted(spans)), notes=(*flight.notes, words))
 
 
 def _table(name: str, rows: Mapping[str, AnyArray], start: int) -> RawTable:

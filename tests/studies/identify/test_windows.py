@@ -178,6 +178,14 @@ def test_no_step_lies_in_a_gap_of_a_sensor_that_is_needed(sensor):
     assert found == pytest.approx(np.array([(begin, 1.498), (1.6, end)]), abs=1.5 * STEP)
 
 
+def test_no_step_lies_across_a_reset_of_an_estimator():
+    whole = on_clock(flight(), QUAD, STEP, sections=[(1.0, 3.0)])
+    cut = on_clock(dataclasses.replace(flight(), jumps=((1.5, 1.55),)), QUAD, STEP, sections=[(1.0, 3.0)])
+    (first, last), *_ = spans(whole.usable, whole.edges)
+    found = np.array(spans(cut.usable, cut.edges))
+    assert found == pytest.approx(np.array([(first, 1.5), (1.55, last)]), abs=1.01 * STEP)
+
+
 def test_no_step_lies_where_a_motor_coasts_or_recovers():
     """One motor of four below a tenth of the full signal from 1.6 to 1.7 s, and for three time constants after."""
     shares = HOVER / float(QUAD.rotors[0].max_speed)

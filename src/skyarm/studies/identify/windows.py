@@ -162,6 +162,8 @@ def on_clock(
     for name in NEEDED:
         if name in channels:
             usable &= _without_gaps(flight[name], edges)
+    for first, last in flight.jumps:
+        usable &= (edges[1:] <= first) | (edges[:-1] >= last)
     voltage = np.ones(size)
     if full_voltage and "voltage" in flight:
         measured = flight["voltage"]
