@@ -3,6 +3,7 @@
 import dataclasses
 import math
 import os
+import struct
 import time
 
 import numpy as np
@@ -22,7 +23,9 @@ from skyarm.links.outside.dds_link import DdsLink, parse_domain
 from skyarm.links.outside.offboard import OffboardFlight, OffboardSettings
 from skyarm.links.outside.offboard_link import OffboardError
 from skyarm.links.outside.outside_law import MotorSettings, require_full_thrust
+from skyarm.links.outside.px4_topics import DEFINITIONS
 from skyarm.links.ros.ros2_node import CONFIGURATION, LOOPBACK_ONLY
+from skyarm.log.ros.message_bytes import decode
 from skyarm.records.coerce import RecordError
 from support.commands import skyarm
 
@@ -199,3 +202,13 @@ def test_the_command_flies_by_dds(tmp_path, monkeypatch, joined):
         ended = skyarm("fly", "step.toml", "--link", f"dds://{DOMAIN}", "--patience", "5")
     assert ended.code == 0, ended.err
     assert peer.modes == ["offboard", "hold"]
+
+
+@pytest.mark.parametrize("more", [10, 7])
+def test_the_mode_of_px4_is_read_whichever_fields_its_version_has_behind_it(more: int) -> None:
+    """Bytes laid out by hand: v1.18 (px4_msgs, release/1.18) has one flag and the source less than v1.17."""
+    flags = [True, False, False, False, True] + [False] * more
+    data = b"\0\1\0\0" + struct.pack(f"<Q{len(flags)}?", 1_000_000, *flags)
+    found = decode("px4_msgs/VehicleControlMode", DEFINITIONS, data)
+    assert found["timestamp"] == 1_000_000
+    assert [bool(each) for name, each in found.items() if name != "timestamp"] == flags[:5]

@@ -30,6 +30,7 @@ from skyarm.links.outside.px4_topics import (
     ODOMETRY,
     OFFBOARD_BIT,
     OUT,
+    TYPES,
 )  # fmt: skip
 from skyarm.links.outside.state_frames import AutopilotState
 from skyarm.links.ros.node import Content, RosError
@@ -89,7 +90,7 @@ class DdsLink(Estimates):
         super().__init__()
         domain, self._space = parse_domain(url)
         with errors_as(OffboardError, f"--link = {shown(url)}: ", RosError):
-            self._node = Ros2Node(domain, DEFINITIONS)
+            self._node = Ros2Node(domain, TYPES)
         try:
             for topic, kind in OUT.items():
                 self._node.subscribe(self._space + topic, kind)

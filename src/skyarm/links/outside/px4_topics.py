@@ -1,7 +1,8 @@
 """Topics of PX4's uXRCE-DDS client for an external control law: message types, fields, and mode bits.
 
-Facts of PX4 v1.17: its client publishes below ``/fmu/out`` and reads below ``/fmu/in``, each topic at 100 Hz at most,
-with times in microseconds of its own clock, or of the agent's where it synchronises them (``UXRCE_DDS_SYNCT``).
+Facts of PX4 v1.17 and v1.18: its client publishes below ``/fmu/out`` and reads below ``/fmu/in``, each topic at 100 Hz
+at most, with times in microseconds of its own clock, or of the agent's where it synchronises them
+(``UXRCE_DDS_SYNCT``).
 """
 
 from __future__ import annotations
@@ -21,12 +22,7 @@ DEFINITIONS: Mapping[str, str] = {
     ),
     "px4_msgs/VehicleControlMode": (
         "uint64 timestamp\nbool flag_armed\nbool flag_multicopter_position_control_enabled\n"
-        "bool flag_control_manual_enabled\nbool flag_control_auto_enabled\nbool flag_control_offboard_enabled\n"
-        "bool flag_control_position_enabled\nbool flag_control_velocity_enabled\n"
-        "bool flag_control_altitude_enabled\nbool flag_control_climb_rate_enabled\n"
-        "bool flag_control_acceleration_enabled\nbool flag_control_attitude_enabled\n"
-        "bool flag_control_rates_enabled\nbool flag_control_allocation_enabled\n"
-        "bool flag_control_termination_enabled\nuint8 source_id"
+        "bool flag_control_manual_enabled\nbool flag_control_auto_enabled\nbool flag_control_offboard_enabled"
     ),
     "px4_msgs/VehicleLandDetected": (
         "uint64 timestamp\nbool freefall\nbool ground_contact\nbool maybe_landed\nbool landed\n"
@@ -50,7 +46,18 @@ DEFINITIONS: Mapping[str, str] = {
         "uint64 timestamp\nuint64 timestamp_sample\nuint16 reversible_flags\nfloat32[12] control"
     ),
 }
-"""Message type -> its fields."""
+"""Message type -> the fields that are read or sent; v1.17 and v1.18 have other fields behind those of the mode."""
+
+TYPES: Mapping[str, str] = {
+    **DEFINITIONS,
+    "px4_msgs/VehicleControlMode": DEFINITIONS["px4_msgs/VehicleControlMode"]
+    + "\nbool flag_control_position_enabled\nbool flag_control_velocity_enabled\n"
+    "bool flag_control_altitude_enabled\nbool flag_control_climb_rate_enabled\n"
+    "bool flag_control_acceleration_enabled\nbool flag_control_attitude_enabled\n"
+    "bool flag_control_rates_enabled\nbool flag_control_allocation_enabled\n"
+    "bool flag_control_termination_enabled\nuint8 source_id",
+}
+"""Message type -> its fields in v1.17, by which DDS matches it; PX4's own agent matches by the name alone."""
 
 ODOMETRY, INERTIAL, MODE, LANDED, ANSWER = (
     f"/fmu/out/{name}"
