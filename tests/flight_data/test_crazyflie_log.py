@@ -123,3 +123,12 @@ def test_a_wrong_file_is_one_line(tmp_path: Path, data: bytes, words: str) -> No
         load_flight(written(tmp_path, data))
     assert "\n" not in str(error.value)
     assert "log07" in str(error.value)
+
+
+def test_speeds_of_brushless_motors_are_read_but_for_the_number_of_none(tmp_path: Path) -> None:
+    names = tuple(f"motor.m{k}_rpm(H)" for k in (1, 2, 3, 4))
+    rows = [(1, 1000 * k, struct.pack("<4H", 15000, 15000, 6000, 65535 if k == 2 else 15000)) for k in range(5)]
+    flight = load_flight(written(tmp_path, packed(2, {1: ("motors", names)}, rows)))
+    np.testing.assert_allclose(flight["rotor_speeds"].values, np.tile([500.0, 500.0, 200.0, 500.0], (4, 1)) * np.pi)
+    np.testing.assert_allclose(flight["rotor_speeds"].time, [0.0, 1e-3, 3e-3, 4e-3], atol=1e-12)
+    assert flight.notes == ("rotor_speeds: 1 of 5 rows are without numbers and are left out.",)

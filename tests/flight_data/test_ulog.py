@@ -29,7 +29,7 @@ FORMATS = {
     "actuator_outputs": "uint64_t timestamp;uint32_t noutputs;float[8] output",
     "actuator_motors": "uint64_t timestamp;float[4] control",
     "battery_status": "uint64_t timestamp;float voltage_v",
-    "esc_report": "float esc_rpm;uint8_t esc_state",
+    "esc_report": "float esc_rpm;uint8_t actuator_function",
     "esc_status": "uint64_t timestamp;uint8_t esc_count;esc_report[4] esc",
 }
 PACKED = {
@@ -97,7 +97,7 @@ def test_axes_units_and_clocks_of_px4_become_ours(tmp_path: Path) -> None:
         ("vehicle_attitude", (1_500_000, half, 0.0, 0.0, half, 0)),
         ("vehicle_local_position", (1_510_000, 1, 2, 3, 4, 5, 6)),
         ("battery_status", (1_520_000, 15.5)),
-        ("esc_status", (1_530_000, 4, 3000.0, 1, 6000.0, 1, 0.0, 1, 60.0, 1)),
+        ("esc_status", (1_530_000, 4, 3000.0, 0, 6000.0, 0, 0.0, 0, 60.0, 0)),
         outputs(1_540_000, 1100, 1500, 1900, 900, 1700),
     ]
     flight = load_flight(written(tmp_path, packed(rows)))
@@ -205,7 +205,7 @@ def test_outputs_belong_to_motors_by_their_functions_and_limits(tmp_path: Path) 
 def test_what_is_unknown_of_the_rotors_is_said(
     tmp_path: Path, parameters: dict[str, float], note: str, width: int
 ) -> None:
-    esc = "esc_status", (1_530_000, 4, 3000.0, 1, 6000.0, 1, 0.0, 1, 60.0, 1)
+    esc = "esc_status", (1_530_000, 4, 3000.0, 0, 6000.0, 0, 0.0, 0, 60.0, 0)
     flight = load_flight(written(tmp_path, packed([combined(1_500_000), outputs(1_500_000, 1500), esc], parameters)))
     assert len(flight.notes) == 1
     assert note in flight.notes[0]
@@ -224,11 +224,58 @@ def test_the_faster_topic_of_motors_is_taken_where_both_are_signals(tmp_path: Pa
     rows = [*motors, *[outputs(1_500_000 + 10_000 * k, 1500) for k in range(5)]]
     rows.sort(key=lambda row: row[1][0])
     assert load_flight(written(tmp_path, packed(rows)))["rotor_commands"].source.startswith("actuator_motors")
-    thrust = {**PARAMETERS, "THR_MDL_FAC": 0.3}
-    assert load_flight(written(tmp_path, packed(rows, thrust)))["rotor_commands"].source.startswith("rotor signals")
-    flight = load_flight(written(tmp_path, packed(motors, thrust)))
-    assert "shares of the thrust" in flight.notes[0]
     assert load_flight(written(tmp_path, packed(motors))).notes == ()
+
+
+def test_shares_of_thrust_become_signals_and_a_stopped_motor_has_none(tmp_path: Path) -> None:
+    """The factor weighs the square of a signal in its thrust; PX4 marks a stopped motor by NaN."""
+    shares = (0.1, 0.55, 1.0, math.nan)
+    for factor in (0.3, 1.0):
+        rows = [combined(1_500_000), ("actuator_motors", (1_500_000, *shares))]
+        flight = load_flight(written(tmp_path, packed(rows, {**PARAMETERS, "THR_MDL_FAC": factor})))
+        signal = flight["rotor_commands"].values[0]
+        np.testing.assert_allclose(factor * signal**2 + (1.0 - factor) * signal, [0.1, 0.55, 1.0, 0.0], atol=1e-7)
+        assert flight.notes == ()
+
+
+KINDS: dict[str, tuple[dict[str, float], int, tuple[float, ...]]] = {
+    # PX4's drivers: int(0.06 x 1999) to 1999 with DSHOT_MIN of 0.06, whatever MIN and MAX say; the rest as stated
+    "DShot": ({"PWM_AUX_TIM1": -4, "DSHOT_MIN": 0.06, "PWM_AUX_MIN1": 1000, "PWM_AUX_MAX1": 2000}, 1, (119.0, 1999.0)),
+    "OneShot": ({"PWM_AUX_TIM1": -1, "PWM_AUX_MIN1": 1200, "PWM_AUX_MAX1": 2000}, 1, (1200.0, 2000.0)),
+    "UAVCAN": ({"UAVCAN_EC_MIN1": 100, "UAVCAN_EC_MAX1": 8000}, 1, (100.0, 8000.0)),
+    "Gazebo": ({"SIM_GZ_EC_MIN1": 150, "SIM_GZ_EC_MAX1": 1000}, 0, (150.0, 1000.0)),
+    "Gazebo, second": ({"SIM_GZ_EC_MIN1": 150, "SIM_GZ_EC_MAX1": 1000}, 1, (150.0, 1000.0)),
+}
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("motors", [False, True])
+def test_outputs_of_each_driver_are_shares_of_its_own_range(tmp_path: Path, kind: str, motors: bool) -> None:
+    """Output 1 drives motor 2 and so on; the other instance of outputs belongs to servos."""
+    parameters, instance, (low, high) = KINDS[kind]
+    bank = next(name for name in parameters if name.endswith("MIN1")).removesuffix("_MIN1")
+    every = {"CA_ROTOR_COUNT": 3, **parameters}
+    every |= {f"{bank}_FUNC{k + 1}": motor for k, motor in enumerate((102, 103, 101))}
+    every |= {f"{bank}_{end}{k}": parameters[f"{bank}_{end}1"] for end in ("MIN", "MAX") for k in (2, 3)}
+    sent = [low + share * (high - low) for share in (0.5, 0.25, 0.75)]
+    rows = [outputs(1_500_000, *sent, instance=instance), outputs(1_500_000, 1, 2, 3, instance=1 - instance)]
+    rows += [("actuator_motors", (1_500_000, 0.75, 0.5, 0.25, math.nan))] * motors
+    flight = load_flight(written(tmp_path, packed([combined(1_500_000), *rows], every)))
+    np.testing.assert_allclose(flight["rotor_commands"].values, [[0.75, 0.5, 0.25]], atol=1e-6)
+    assert flight["rotor_commands"].source.startswith("actuator_motors") == (motors and kind != "OneShot")
+    assert flight.notes == ()
+
+
+def test_speeds_are_those_of_the_motor_that_a_controller_drives(tmp_path: Path) -> None:
+    given = "esc_status", (1_500_000, 4, 700.0, 103, 500.0, 101, 800.0, 104, 600.0, 102)
+    speeds = np.array([[500.0, 600.0, 700.0, 800.0]])
+    flight = load_flight(written(tmp_path, packed([combined(1_500_000), given])))
+    np.testing.assert_allclose(flight["rotor_speeds"].values, speeds * np.pi / 30.0)
+    gazebo = {"CA_ROTOR_COUNT": 4, "SIM_GZ_EC_FUNC1": 101}  # whose plugin puts rad/s there
+    flight = load_flight(written(tmp_path, packed([combined(1_500_000), given], gazebo)))
+    np.testing.assert_allclose(flight["rotor_speeds"].values, speeds)
+    silent = "esc_status", (1_500_000, 0, *(0.0, 0) * 4)
+    assert "rotor_speeds" not in load_flight(written(tmp_path, packed([combined(1_500_000), silent])))
 
 
 @pytest.mark.parametrize(

@@ -34,6 +34,9 @@ TYPES: Mapping[str, str] = {
 }
 """Letter of a variable's type -> its type in NumPy."""
 
+SPEED, NO_SPEED = re.compile(r"motor\.m\d_rpm"), 65535.0
+"""Pattern of the variables with the speed of a brushless motor, and their value while it is unknown."""
+
 CHECK = 4
 """Size (bytes) of the check sum."""
 
@@ -71,6 +74,8 @@ def read_crazyflie(path: Path, columns: Columns | None) -> FlightData:
         for number, records in rows.items():
             name, row = events[number]
             read = {each: records[each].astype(float) for each in row.names or ()}
+            for each in filter(SPEED.fullmatch, read):
+                read[each][read[each] == NO_SPEED] = np.nan
             tables[name] = RawTable(columns=dict(list(read.items())[2:]), time=(read["time"] - origin) * unit)
     facts: dict[str, str | float] = {"vehicle": "Crazyflie", "version of the file": float(version)}
     return flight_of(

@@ -2,7 +2,7 @@
 
 Axes of the file are forward, right, down of the base and north, east, down of the world; they become ours, forward,
 left, up and north, west, up. The signal of a rotor is the output of its channel between the parameters of least and
-largest output.
+largest output, or what PX4 makes of the thrust that it asks of the motor.
 """
 
 from __future__ import annotations
@@ -37,17 +37,34 @@ NUMBER_OF_ROTORS = {2: 4, 13: 6, 14: 8, 15: 3, 29: 12, 35: 10}
 FIRST_MOTOR, MOST_ROTORS = 101, 12
 """Function of an output channel that drives the first motor; largest number of motors of PX4."""
 
-USUAL_LIMITS = {"MIN": 1000.0, "MAX": 2000.0}
-"""Default outputs (us) of zero and of full signal."""
+PWM = ("PWM_AUX", "PWM_MAIN")
+"""Banks of outputs on the flight controller's own pins: pulse widths (us), or DShot numbers where a timer says so."""
 
-KEPT = re.compile(r"(SYS_AUTOSTART|MAV_TYPE|THR_MDL_FAC|CA_ROTOR.*|PWM_(MAIN_|AUX_)?(MIN|MAX|FUNC)\d*)")
+GAZEBO = "SIM_GZ_EC"
+"""Bank of the rotors of a vehicle in Gazebo, in rad/s."""
+
+LIMITS: Mapping[str, tuple[float, float]] = {
+    GAZEBO: (0.0, 1000.0),
+    "UAVCAN_EC": (1.0, 8191.0),
+    **dict.fromkeys(PWM, (1000.0, 2000.0)),
+}
+"""Bank of outputs -> default outputs of no and of the full signal; where several drive a motor the last one counts."""
+
+DSHOT, DSHOT_TIMER = 1999, -2.0
+"""Full output of DShot; largest ``PWM_*_TIM*`` of a timer that sends it."""
+
+KEPT = re.compile(
+    r"(SYS_AUTOSTART|MAV_TYPE|THR_MDL_FAC|DSHOT_MIN|CA_ROTOR.*"
+    r"|(PWM_(MAIN_|AUX_)?|UAVCAN_EC_|SIM_GZ_EC_)(MIN|MAX|FUNC|TIM)\d*)"
+)
 """Pattern of parameters that are facts of a flight."""
 
 RESETS = {"vehicle_attitude": ("quat",), "vehicle_local_position": ("xy", "z", "vxy", "vz")}
 """Topic -> quantities whose resets by the estimator it counts."""
 
-SHARES = "rotor signals"
-"""Name of the table of rotor signals as fractions, made from outputs and parameters."""
+OUTPUTS, MOTORS, SHARES = "actuator_outputs", "actuator_motors", "rotor signals"
+"""Topics of outputs and of shares of the motors' thrust; table of rotor signals as fractions, made from outputs and
+parameters."""
 
 
 def read_ulog(path: Path, columns: Columns | None) -> FlightData:
@@ -77,8 +94,7 @@ def read_ulog(path: Path, columns: Columns | None) -> FlightData:
     if "rotor_commands" not in own:
         usual["rotor_commands"] = _rotor_commands(tables, parameters, count, notes)
     if count and "rotor_speeds" not in own:
-        speeds = tuple(f"esc[{k}].esc_rpm" for k in range(count))
-        usual["rotor_speeds"] = (QuantitySource(columns=speeds, topic="esc_status", unit="rpm"),)
+        usual["rotor_speeds"] = _rotor_speeds(tables, parameters, count)
     facts: dict[str, str | float] = {"vehicle": "PX4"}
     names = {"sys_name": "firmware", "ver_hw": "hardware", "ver_sw": "version", "ver_sw_branch": "branch"}
     facts |= {word: log.msg_info_dict[key] for key, word in names.items() if key in log.msg_info_dict}
@@ -135,66 +151,123 @@ def _number_of_rotors(parameters: Parameters) -> int:
 
 def _motor_channels(parameters: Parameters) -> dict[int, tuple[str, int]]:
     """Output bank and channel of each motor, from PX4's output-function parameters; the first if there are several."""
-    places = [(bank, channel) for bank in ("AUX", "MAIN") for channel in reversed(range(16))]
-    motors = [int(parameters.get(f"PWM_{bank}_FUNC{channel + 1}", 0.0)) - FIRST_MOTOR for bank, channel in places]
+    places = [(bank, channel) for bank in LIMITS for channel in reversed(range(16))]
+    motors = [int(parameters.get(f"{bank}_FUNC{channel + 1}", 0.0)) - FIRST_MOTOR for bank, channel in places]
     return {motor: place for motor, place in zip(motors, places, strict=True) if 0 <= motor < MOST_ROTORS}
 
 
-def _limit(parameters: Parameters, bank: str, channel: int, which: str) -> float | None:
-    """Minimum or maximum output of a PX4 output channel; None if no parameter states it."""
-    every = [f"PWM_{bank}_{which}{channel + 1}", f"PWM_{bank}_{which}", *([f"PWM_{which}"] if bank == "MAIN" else [])]
-    usual = USUAL_LIMITS[which] if f"PWM_{bank}_FUNC{channel + 1}" in parameters else None
-    return next((parameters[name] for name in every if parameters.get(name, -1.0) > 0.0), usual)
+def _limits(parameters: Parameters, bank: str, channel: int) -> tuple[float, float, bool]:
+    """Outputs of no and of the full signal of a PX4 output channel, and whether parameters state them."""
+    if bank in PWM and any(
+        name.startswith(f"{bank}_TIM") and timer <= DSHOT_TIMER for name, timer in parameters.items()
+    ):
+        return float(int(DSHOT * parameters.get("DSHOT_MIN", 0.055))), float(DSHOT), True
+    found, stated = list[float](), True
+    for which, usual in zip(("MIN", "MAX"), LIMITS[bank], strict=True):
+        every = [f"{bank}_{which}{channel + 1}", f"{bank}_{which}", *([f"PWM_{which}"] if bank == PWM[1] else [])]
+        given = next((parameters[name] for name in every if parameters.get(name, -1.0) > 0.0), None)
+        stated &= given is not None or f"{bank}_FUNC{channel + 1}" in parameters
+        found.append(usual if given is None else given)
+    return found[0], found[1], stated
 
 
 def _rotor_commands(
     tables: dict[str, RawTable], parameters: Parameters, count: int, notes: list[str]
 ) -> tuple[QuantitySource, ...]:
-    """Sources of the rotor commands in a PX4 log; the rotors' outputs (0 to 1) are added to ``tables``."""
-    if not {"actuator_outputs", "actuator_motors"} & set(tables):
+    """Sources of the rotor commands in a PX4 log; the rotors' signals (0 to 1) are added to ``tables``.
+
+    Outputs on the controller's pins whose limits are stated are what the motors received. Else the shares of thrust
+    come first, which need no limits: ``THR_MDL_FAC`` makes signals of them.
+    """
+    if not {OUTPUTS, MOTORS} & set(tables):
         return ()
     if not count:
         notes.append(
             "rotor_commands: are left out, as no parameter says how many rotors there are; a columns.toml may do so."
         )
         return ()
-    signals: list[QuantitySource] = []
-    if shares := _shares(tables, parameters, count, notes):
+    signals, has_motors = list[QuantitySource](), MOTORS in tables
+    if has_motors:
+        topic, tables[topic] = _motor_signals(tables[MOTORS], parameters.get("THR_MDL_FAC", 0.0), count)
+        signals.append(QuantitySource(columns=tuple(f"control[{k}]" for k in range(count)), topic=topic))
+    shares, is_sure = _shares(tables, parameters, count, [] if has_motors else notes)
+    if shares is not None:
         tables[SHARES] = shares
-        signals.append(QuantitySource(columns=tuple(shares.columns), topic=SHARES))
-    of_thrust = parameters.get("THR_MDL_FAC", 0.0) != 0.0
-    if not signals and of_thrust and "actuator_motors" in tables:
-        notes.append("rotor_commands: are shares of the thrust, not of the signal, as THR_MDL_FAC is not 0.")
-    if not signals or not of_thrust:
-        signals.append(QuantitySource(columns=tuple(f"control[{k}]" for k in range(count)), topic="actuator_motors"))
+        signals.insert(0 if is_sure else 1, QuantitySource(columns=tuple(shares.columns), topic=SHARES))
     return tuple(signals)
 
 
-def _shares(tables: Mapping[str, RawTable], parameters: Parameters, count: int, notes: list[str]) -> RawTable | None:
-    """Table of rotor signals (0 to 1) on the clock of the first rotor's output; None without outputs."""
-    channels = _motor_channels(parameters) or {k: ("MAIN", k) for k in range(count)}
+def _motor_signals(table: RawTable, factor: float, count: int) -> tuple[str, RawTable]:
+    """Name and table of the signals whose thrusts are the given shares; a motor that is stopped has none.
+
+    PX4 v1.17, output functions of motors: thrust = factor x signal^2 + (1 - factor) x signal.
+    """
+    columns = dict(table.columns)
+    for name in (f"control[{k}]" for k in range(count)):
+        share = np.maximum(np.nan_to_num(columns.get(name, np.full(table.time.size, np.nan))), 0.0)
+        linear = 1.0 - factor
+        columns[name] = (np.sqrt(linear**2 + 4.0 * factor * share) - linear) / (2.0 * factor) if factor else share
+    return f"{MOTORS} by THR_MDL_FAC" if factor else MOTORS, RawTable(columns=columns, time=table.time)
+
+
+def _rotor_speeds(tables: Mapping[str, RawTable], parameters: Parameters, count: int) -> tuple[QuantitySource, ...]:
+    """Sources of the speeds that the motor controllers report, in the order of the motors that they drive."""
+    table, order = tables.get("esc_status"), {k: k for k in range(count)}
+    if table is None:
+        return ()
+    functions = [f"esc[{k}].actuator_function" for k in range(MOST_ROTORS)]
+    motors = [int(np.median(table.numbers(each))) - FIRST_MOTOR if table.has(each) else -1 for each in functions]
+    if {*range(count)} <= {*motors}:
+        order = {motor: motors.index(motor) for motor in range(count)}
+    columns = tuple(f"esc[{order[k]}].esc_rpm" for k in range(count))
+    if not table.has(*columns) or not any(np.nan_to_num(table.numbers(each)).any() for each in columns):
+        return ()  # no controller reports
+    in_gazebo = any(bank == GAZEBO for bank, _ in _motor_channels(parameters).values())
+    return (QuantitySource(columns=columns, topic="esc_status", unit="rad/s" if in_gazebo else "rpm"),)
+
+
+def _shares(
+    tables: Mapping[str, RawTable], parameters: Parameters, count: int, notes: list[str]
+) -> tuple[RawTable | None, bool]:
+    """Table of rotor signals (0 to 1) on the clock of the first rotor's output; None without outputs.
+
+    It is sure if the outputs are pulse widths between stated limits.
+    """
+    channels = _motor_channels(parameters) or {k: (PWM[1], k) for k in range(count)}
     columns: dict[str, Array] = {}
-    assumed, time = False, np.zeros(0)
+    assumed, is_sure, time = False, True, np.zeros(0)
     for motor in range(count):
-        bank, channel = channels.get(motor, ("", 0))
-        table = tables.get({"MAIN": "actuator_outputs", "AUX": "actuator_outputs[1]"}.get(bank, ""))
-        if table is None or not table.has(f"output[{channel}]"):
-            return None
-        limits = [_limit(parameters, bank, channel, which) for which in USUAL_LIMITS]
-        assumed |= None in limits
-        low, high = (usual if each is None else each for each, usual in zip(limits, USUAL_LIMITS.values(), strict=True))
+        bank, channel = channels.get(motor, (PWM[1], MOST_ROTORS * 2))
+        low, high, stated = _limits(parameters, bank, channel)
+        table = _outputs(tables, bank, f"output[{channel}]", low, high)
+        if table is None:
+            return None, False
+        assumed |= not stated
+        is_sure &= stated and bank in PWM and high != DSHOT
         if high <= low:
             notes.append(f"rotor_commands: outputs are left out, as their limits are {low:g} and {high:g}.")
-            return None
+            return None, False
         share = np.maximum(0.0, (table.numbers(f"output[{channel}]") - low) / (high - low))
         time = time if columns else table.time
         if table.time is not time:
             share = share[np.maximum(np.searchsorted(table.time, time, "right") - 1, 0)]
-        columns[f"output {bank} {channel + 1}"] = share
+        columns[f"output {bank.removeprefix('PWM_')} {channel + 1}"] = share
     if assumed:
-        low, high = USUAL_LIMITS.values()
         notes.append(f"rotor_commands: limits of {low:g} and {high:g} us are assumed; no parameter states them.")
-    return RawTable(columns=columns, time=time)
+    return RawTable(columns=columns, time=time), is_sure
+
+
+def _outputs(tables: Mapping[str, RawTable], bank: str, column: str, low: float, high: float) -> RawTable | None:
+    """Table with the outputs of a bank: of a driver beside the pins' the first one within its limits."""
+    if bank in PWM:
+        table = tables.get(OUTPUTS if bank == PWM[1] else f"{OUTPUTS}[1]")
+        return table if table is not None and table.has(column) else None
+    for name, each in tables.items():
+        if name.startswith(OUTPUTS) and each.has(column):
+            sent = each.numbers(column)[each.numbers(column) > 0.0]
+            if sent.size and sent.min() >= low - 1.0 and sent.max() <= high + 1.0:
+                return each
+    return None
 
 
 def _losses(whole: WholeMessages, lost: Sequence[int]) -> list[str]:
