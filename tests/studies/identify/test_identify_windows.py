@@ -15,6 +15,7 @@ from skyarm.studies.identify.identify_windows import (
     SearchOptions,
     WindowSearch,
     _without_lines,
+    act_early,
     distinct_flights,
     explained_shares,
     first_fits,
@@ -23,6 +24,7 @@ from skyarm.studies.identify.identify_windows import (
     search_of,
     unknowns_of_sensors,
 )
+from skyarm.studies.identify.logged_commands import are_samples, as_samples
 from skyarm.studies.identify.unknowns import second_moments, unknowns_of
 from skyarm.studies.identify.window_fit import WindowFit
 from skyarm.studies.identify.windows import SensorSamples
@@ -101,6 +103,51 @@ def test_numbers_that_are_not_known_are_found_and_the_others_stay():
     assert found.period == pytest.approx(0.002)
     assert len(lines) > 8
     assert min(found.explained[f"rate.{axis}"] for axis in "xyz") > 0.95
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize("every", [10, 1])
+def test_commands_that_act_before_they_come_are_samples_of_a_faster_loop_s(every):
+    """Held at 50 Hz those of a loop of 500 Hz would act 9 ms too early."""
+    vehicle, late = vehicle_with(QUAD, PLANTED, checked=True), 0.002
+    flight = measured(flown(vehicle, 4.0, late), noise=1.0, without=("position", "quaternion", "velocity"))
+    speeds = flight["rotor_speed_commands"]
+    seldom = dataclasses.replace(speeds, time=speeds.time[::every], values=speeds.values[::every])
+    known = known_but(QUAD, ("delay", "offset.z"), **{**PLANTED, **dict.fromkeys(AROUND, 0.0)})
+    known.pop("delay", None)
+    found = identify_by_windows(
+        [flight.with_channels({"rotor_speed_commands": seldom})], QUAD, SearchOptions(known=known)
+    )
+    assert found.sampled == (every > 1)
+    # a curve through the begins of held commands is half of the loop's period early
+    assert found["delay"].value == pytest.approx(late + 0.001 * (every > 1), abs=1e-3)
+
+
+def test_a_search_begins_again_with_samples_where_held_commands_act_early(monkeypatch):
+    of, begun = "skyarm.studies.identify.identify_windows", []
+    monkeypatch.setattr(f"{of}.search_of", lambda flights, *_: begun.append(flights) or len(begun))
+    monkeypatch.setattr(f"{of}.first_fits", lambda search, _: [None] * 2 if search == 1 else 1 / 0)
+    monkeypatch.setattr(f"{of}.act_early", lambda *_: True)
+    with pytest.raises(ZeroDivisionError):
+        identify_by_windows([made_of()], QUAD)
+    assert [are_samples(each) for (each,) in begun] == [False, True]
+
+
+@pytest.mark.parametrize(
+    ("delay", "early"), [(-0.0029, False), (-0.0031, True), (-0.0149, True), (-0.0151, False), (0.01, False)]
+)
+def test_held_commands_are_samples_where_they_act_up_to_three_quarters_of_a_period_early(delay, early):
+    time = np.arange(0.0, 2.0, 0.02)
+    speeds = 400.0 + np.sin(7.0 * time)[:, None] * np.ones(4)
+    flight = FlightData(
+        name="a", file="", channels={"rotor_speed_commands": Channel(time=time, values=speeds, source="")}
+    )
+    search = SimpleNamespace(unknowns=[SimpleNamespace(name="delay")], slow=False, start=QUAD)
+    fit = SimpleNamespace(values=np.array([delay]))
+    assert act_early(search, fit, [flight]) == early
+    assert not act_early(search, fit, [flight, as_samples(flight)])
+    assert not act_early(SimpleNamespace(unknowns=search.unknowns, slow=True, start=QUAD), fit, [flight])
+    assert not act_early(SimpleNamespace(unknowns=[], slow=False, start=QUAD), fit, [flight])
 
 
 def given_fit(search, values, curvature):

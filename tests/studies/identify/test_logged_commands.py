@@ -56,6 +56,14 @@ def test_samples_are_found_among_rows_that_repeat_them(every, period, straight):
         np.testing.assert_allclose(smooth_commands(given, middles), swinging(middles), atol=0.1)
 
 
+@pytest.mark.parametrize("every", [1, 5])
+def test_the_rate_of_an_autopilot_s_commands_is_that_of_the_samples(every):
+    given = dataclasses.replace(flight(commands(sampled_up(every, False))), facts={"vehicle": "ArduPilot"})
+    assert period_note(given, VEHICLE) == (
+        f"made: rotor commands: a curve through samples of {500 // every} Hz, as the loop is faster"
+    )
+
+
 def test_samples_between_rows_are_found_where_lines_meet():
     """Each bends the lines at two rows; straight lines between the samples would be 0.8 rad/s off."""
     seldom = 3.0137 + 0.1 * np.arange(60)

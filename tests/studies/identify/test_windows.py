@@ -247,6 +247,21 @@ def test_commands_at_ten_hertz_are_on_a_smooth_curve():
     assert clocked.speeds.values[inside] == pytest.approx(swing(at[inside]), abs=0.05)
 
 
+def test_an_autopilot_s_commands_are_on_a_curve_through_its_samples():
+    """Held at 100 Hz a sine of 3.7 Hz would be half a period late: 2 rad/s off."""
+    time = np.arange(0.0, 4.0, 0.01)
+
+    def swing(time):
+        return 400.0 + 20.0 * np.sin(7.4 * np.pi * time)[:, None] * np.ones(4)
+
+    given = flight().with_channels({"rotor_speed_commands": channel(time, swing(time))})
+    clocked = on_clock(dataclasses.replace(given, facts={"vehicle": "PX4"}), QUAD, STEP)
+    at = clocked.edges[:-1] + 0.5 * STEP
+    inside = (at > 0.5) & (at < 3.4)
+    assert clocked.speeds.values[inside] == pytest.approx(swing(at[inside]), abs=0.01)
+    assert on_clock(given, QUAD, STEP).speeds.values == pytest.approx(swing(time))
+
+
 def test_the_voltage_is_over_that_of_the_rotors_data():
     given = flight().with_channels({"voltage": channel([0.0, 4.0], [[12.0], [10.0]])})
     found = on_clock(given, QUAD, STEP, full_voltage=12.0).voltage

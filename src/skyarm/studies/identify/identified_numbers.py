@@ -83,6 +83,7 @@ class Identified:
         held_out: errors of predictions of other flights, if any were asked for.
         absent: channel that no flight has -> number -> times by which its interval is wider than with that channel.
         counted: whether any part of each flight of :func:`skyarm.identify_flights` was long enough to count.
+        sampled: whether commands were taken as samples of a faster loop's, since held ones would act before they come.
     """
 
     numbers: tuple[IdentifiedNumber, ...]
@@ -98,6 +99,7 @@ class Identified:
     held_out: HeldOut | None = None
     absent: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     counted: tuple[bool, ...] = ()
+    sampled: bool = False
 
     def __getitem__(self, name: str) -> IdentifiedNumber:
         """Identified parameter by its name.

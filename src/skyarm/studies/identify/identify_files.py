@@ -16,6 +16,7 @@ from skyarm.studies.identify.identified_report import IdentifiedReport
 from skyarm.studies.identify.identify_flights import identify_aligned
 from skyarm.studies.identify.identify_windows import SearchOptions
 from skyarm.studies.identify.log_checks import LogFault, require_no_refusal
+from skyarm.studies.identify.logged_commands import as_samples
 from skyarm.studies.identify.measured_motion import joints_in_order
 from skyarm.vehicle import Vehicle
 
@@ -119,6 +120,7 @@ def identify_files(
         progress=lambda words: progress(last=words),
     )
     counted = [each for each, counts in zip(fitted, identified.counted, strict=True) if counts]
+    counted = [as_samples(each) for each in counted] if identified.sampled else counted
     return IdentifiedReport(found=identified, start=start, flights=counted, known=known, faults=faults, clocks=clocks)
 
 

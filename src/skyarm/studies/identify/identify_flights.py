@@ -15,6 +15,7 @@ from skyarm.studies.identify.identified_numbers import Identified
 from skyarm.studies.identify.identify_windows import WHOLE, SearchOptions, identify_by_windows
 from skyarm.studies.identify.isolate_fault import find_faults
 from skyarm.studies.identify.log_checks import WARNED, LogFault, require_no_refusal
+from skyarm.studies.identify.logged_commands import as_samples
 from skyarm.studies.identify.possible_numbers import doubtful_numbers, require_possible_numbers
 from skyarm.studies.identify.unknowns import second_moments_of
 from skyarm.vehicle import Vehicle
@@ -107,6 +108,8 @@ def identify_aligned(
     report(doubtful_numbers(identified, start, flights[0].file, flights))
     if not held_out:
         return identified
+    if identified.sampled:
+        flights, held_out = ([as_samples(each) for each in every] for every in (flights, held_out))
     tell("predict the held-out flights")
     return replace(identified, held_out=predict_held_out(identified, start, held_out, options, seen=flights))
 

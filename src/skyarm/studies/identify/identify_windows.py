@@ -31,7 +31,13 @@ from skyarm.studies.identify.identified_numbers import (
     with_reasons,
 )
 from skyarm.studies.identify.identified_parts import surroundings_with, vehicle_with
-from skyarm.studies.identify.logged_commands import commanded_speeds, sampling_period
+from skyarm.studies.identify.logged_commands import (
+    are_samples,
+    as_samples,
+    command_samples,
+    commanded_speeds,
+    sampling_period,
+)
 from skyarm.studies.identify.unknowns import (
     Unknown,
     reported_of,
@@ -63,6 +69,10 @@ SAMPLES = 12
 FINEST, UNMOVED = 16, 0.05
 """Largest number of integration steps per sample, and change of the readings by halving them, as a fraction of the
 noise."""
+
+EARLIEST, EARLY = -0.75, -0.15
+"""Range of the delay of held commands, in their periods, that shows them to be samples: half a period and less, by
+their dead time."""
 
 TURNING, LATE = 0.05, 0.005
 """Prior standard deviations of a gyroscope's bias (rad/s) and of a pose's delay (s)."""
@@ -234,6 +244,9 @@ def identify_by_windows(
     """
     search = search_of(flights, start, options)
     some, near = first_fits(search, progress)
+    if act_early(search, near, flights):
+        sampled = [as_samples(each) for each in flights]
+        return replace(identify_by_windows(sampled, start, options, progress), sampled=True)
     errors = search.errors(search.whole, before=some)
     fit = fit_windows(errors, near.values, noise=near.noise, spread=near.spread, lasting=search.slow, progress=progress)
     start, unknowns, windows = with_servos(start, search.servoed), search.unknowns, errors.windows
@@ -269,6 +282,15 @@ def identify_by_windows(
         },
         counted=tuple(bool((windows.owners == i).any()) for i in range(len(search.flights))),
     )
+
+
+def act_early(search: WindowSearch, fit: WindowFit, flights: Sequence[FlightData]) -> bool:
+    """True if held commands would act before they come, by half their period: they are samples of a faster loop's."""
+    names = [each.name for each in search.unknowns]
+    if "delay" not in names or search.slow or any(map(are_samples, flights)):
+        return False
+    period = max(1.0 / command_samples(commanded_speeds(each, search.start)).rate for each in flights)
+    return EARLIEST * period < float(fit.values[names.index("delay")]) < EARLY * period
 
 
 def distinct_flights(flights: Sequence[FlightData]) -> list[FlightData]:

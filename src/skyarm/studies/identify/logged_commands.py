@@ -21,6 +21,9 @@ SLOWEST = 0.025
 """Longest interval (s) between rotor commands; pulse widths come at 50 Hz or more, and slower ones are samples of
 faster ones."""
 
+AUTOPILOTS, SENT, SAMPLES = ("PX4", "ArduPilot", "Betaflight"), "rotor commands", "samples of a faster loop"
+"""Vehicles whose loop is faster than their log; fact of a flight, and its value for such commands."""
+
 ROUNDED, NOUGHT = 2.5, 1e-9
 """Smallest second differences that rounding makes of a straight line; fraction of the largest one that counts as
 zero."""
@@ -98,6 +101,20 @@ def sampling_period(commands: Channel) -> float:
     return 1.0 / rate if 0.0 < rate < 1.0 / SLOWEST else 0.0
 
 
+def are_samples(flight: FlightData) -> bool:
+    """True if the rotor commands were logged more slowly than the loop that sends them.
+
+    An autopilot's log has every so many of its commands; between two of them it sent others. Held from one to the next
+    they would act half a period late, and the delay come out that much too early.
+    """
+    return flight.facts.get("vehicle") in AUTOPILOTS or flight.facts.get(SENT) == SAMPLES
+
+
+def as_samples(flight: FlightData) -> FlightData:
+    """Flight whose rotor commands are samples of a faster loop's."""
+    return replace(flight, facts={**flight.facts, SENT: SAMPLES})
+
+
 def smooth_commands(commands: Channel, time: Array) -> Array:
     """Commands (N, rotors) at given times (s), on a smooth curve through the samples (cubic spline).
 
@@ -124,8 +141,12 @@ def smooth_commands(commands: Channel, time: Array) -> Array:
 
 
 def period_note(flight: FlightData, start: Vehicle) -> str:
-    """Note that a flight's rotor commands are logged too rarely for a zero-order hold; empty otherwise."""
-    period = sampling_period(commanded_speeds(flight, start))
+    """Note that a flight's rotor commands are samples of those that were sent; empty otherwise."""
+    commands = commanded_speeds(flight, start)
+    period = sampling_period(commands)
+    if not period and are_samples(flight):
+        rate = command_samples(commands).rate
+        return f"{flight.name}: rotor commands: a curve through samples of {rate:.4g} Hz, as the loop is faster"
     if not period:
         return ""
     return (

@@ -20,6 +20,7 @@ from skyarm.records.arrays import Array, IntArray, Mask
 from skyarm.records.immutable import immutable, positional
 from skyarm.studies.identify.identified_parts import with_changes
 from skyarm.studies.identify.logged_commands import (
+    are_samples,
     commanded_speeds,
     flying_spans,
     highest_speeds,
@@ -140,7 +141,7 @@ def on_clock(
     _require_columns(flight, start, speeds, sensors or SENSORS)
     begin, size = float(gyro.time[0]), int((gyro.time[-1] - gyro.time[0]) / step + 1e-6)
     edges = begin + step * np.arange(size + 1, dtype=float)
-    if sampling_period(speeds):
+    if sampling_period(speeds) or are_samples(flight):
         middles = edges[:-1] + 0.5 * step
         speeds = Channel(time=edges[:-1], values=smooth_commands(speeds, middles), source=speeds.source)
     limits = highest_speeds(start.rotors)
