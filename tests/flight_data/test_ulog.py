@@ -227,6 +227,15 @@ def test_the_faster_topic_of_motors_is_taken_where_both_are_signals(tmp_path: Pa
     assert load_flight(written(tmp_path, packed(motors))).notes == ()
 
 
+@pytest.mark.parametrize("volts", [0.0, 11.5])
+def test_a_voltage_of_zero_is_that_of_no_battery_monitor(tmp_path: Path, volts: float) -> None:
+    rows = [combined(1_500_000), ("battery_status", (1_500_000, volts)), ("battery_status", (1_600_000, 0.0))]
+    flight = load_flight(written(tmp_path, packed(rows)))
+    assert ("voltage" in flight) == (volts > 0.0)
+    said = ("voltage: is 0 throughout, as without a battery monitor, and is left out.",)
+    assert flight.notes == (() if volts else said)
+
+
 def test_shares_of_thrust_become_signals_and_a_stopped_motor_has_none(tmp_path: Path) -> None:
     """The factor weighs the square of a signal in its thrust; PX4 marks a stopped motor by NaN."""
     shares = (0.1, 0.55, 1.0, math.nan)

@@ -87,7 +87,9 @@ def flight_of(
     channels, said = dict[str, Channel](), list(notes)
     for name in (each for each in QUANTITIES if each in signals):
         channel = _channel(name, signals[name], tables, columns, said)
-        if channel.time.size:
+        if name == "voltage" and channel.time.size and not channel.values.any():
+            said.append("voltage: is 0 throughout, as without a battery monitor, and is left out.")
+        elif channel.time.size:
             channels[name] = channel
         else:
             said.append(f"{name}: no row of {channel.source} holds numbers, so that the channel is left out.")

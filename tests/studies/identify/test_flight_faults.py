@@ -162,6 +162,7 @@ def on_the_ground(flight):
     noise = np.random.default_rng(0)
     flight = change(flight, "rotor_speed_commands", lambda rows: 0.1 * rows)
     flight = change(flight, "gyro", lambda rows: noise.normal(scale=0.003, size=rows.shape))
+    flight = change(flight, "position", lambda rows: noise.normal(scale=0.001, size=rows.shape))
     return change(flight, "accelerometer", lambda rows: noise.normal([0.0, 0.0, 9.81], 0.02, rows.shape))
 
 

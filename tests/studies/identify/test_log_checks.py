@@ -280,9 +280,9 @@ AROUND = {
         f"refused {SPEED}: lift 2.51 times the weight",
     ),
     "too little lift": (
-        rows_of(SPEED, times(*(0.402**0.5,) * 4)),
-        rows_of(SPEED, times(*(0.398**0.5,) * 4)),
-        f"refused {SPEED}: lift 0.398 times the weight",
+        rows_of(SPEED, times(*(0.53**0.5,) * 4)),
+        rows_of(SPEED, times(*(0.47**0.5,) * 4)),
+        f"refused {SPEED}: lift 0.47 times the weight",
     ),
     "rpm": (
         rows_of(SPEED, times(*(4.0,) * 4)),
@@ -325,6 +325,22 @@ def test_a_damage_is_told_from_its_threshold_on(name):
     assert any(re.match(words, each) for each in found), found
     kind = re.sub(r"[\d.]+ s?.*$", "", words)
     assert not any(re.match(words if kind == words else kind, each) for each in passed), passed
+
+
+@pytest.mark.parametrize(
+    ("height", "words"), [(0.49, "0.28 of the weight: the flight never took off"), (0.51, "0.28 times the weight of")]
+)
+def test_a_calm_flight_that_climbs_took_off_however_little_its_rotors_seem_to_lift(height, words):
+    rise = rows_of("position", lambda rows: np.outer(np.linspace(0.0, height, len(rows)), [0.0, 0.0, 1.0]))
+    (found,) = told(then(quiet(0.01, 0.0), rise, rows_of(SPEED, times(*(0.28**0.5,) * 4)))(SOUND))
+    assert f"lift {words}" in found
+
+
+def test_measured_speeds_are_offered_where_no_commands_were_logged():
+    speeds = dataclasses.replace(SOUND[SPEED], source="measured")
+    channels = {name: SOUND[name] for name in SOUND if name != SPEED} | {"rotor_speeds": speeds}
+    (found,) = check_log(dataclasses.replace(SOUND, channels=channels), VEHICLE)
+    assert found.remedy == "log them, or map the measured rotor_speeds as rotor_speed_commands"
 
 
 def test_a_sound_flight_has_nothing_to_tell():

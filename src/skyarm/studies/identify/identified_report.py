@@ -86,6 +86,8 @@ class IdentifiedReport:
             lines += filter(None, (period_note(each, self.start), rates_note(each, clock)))
         if VOLTAGE not in self.known and any("voltage" in each for each in flights):
             lines.append(f"voltage: is measured and not used: state that of the rotors' data, --known {VOLTAGE}=VALUE")
+        if any("rotor_speeds" in each for each in flights):
+            lines.append("rotor_speeds: are measured and not used: to use them, map them as rotor_speed_commands")
         return [printable(line) for line in lines]
 
     def document(self) -> Facts:

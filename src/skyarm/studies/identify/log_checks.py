@@ -16,7 +16,15 @@ from skyarm.log.periods import runs_of
 from skyarm.records.arrays import Array, Mask, lengths
 from skyarm.records.files import one_line
 from skyarm.records.immutable import immutable
-from skyarm.studies.identify.logged_commands import SETTLING, command_samples, commanded_speeds, flying_spans, lift
+from skyarm.studies.identify.logged_commands import (
+    AIRBORNE,
+    SETTLING,
+    command_samples,
+    commanded_speeds,
+    flying_spans,
+    lift,
+)
+from skyarm.studies.identify.slow_commands import slow_commands
 from skyarm.vehicle import Vehicle
 
 REFUSED, WARNED = "refused", "warned"
@@ -105,6 +113,7 @@ def _faults(flight: FlightData, start: Vehicle) -> Iterator[Found]:
     yield from (faults := list(_ground(flight, start, spans)))
     if faults or not spans:
         return
+    yield from ((REFUSED, *found) for found in slow_commands(flight, start, spans))
     inside = flight.section(spans[0][0] - SETTLING, spans[-1][1] + SETTLING)
     yield from _gaps(flight, inside)
     for name in inside:
@@ -155,7 +164,8 @@ def _missing(flight: FlightData, start: Vehicle) -> Iterator[Found]:
     if flight.facts.get("vehicle") == SIMULATED:
         imu = 'name an inertial unit in the scenario ([sensors] imu = { kind = "imu" }) and fly it again'
         required = dict.fromkeys(IMU, ("is", imu))
-    required |= {} if commands else {COMMANDS[0]: ("are", "log them, or map their columns")}
+    measured = "the measured rotor_speeds as rotor_speed_commands" if "rotor_speeds" in flight else "their columns"
+    required |= {} if commands else {COMMANDS[0]: ("are", f"log them, or map {measured}")}
     required |= {"joint_positions": ("are", "log them: they move its mass")} if start.n else {}
     for name, (verb, remedy) in required.items():
         if name not in flight:
@@ -235,6 +245,9 @@ MOVING, RESTING, SHORTEST_FLIGHT = 0.05, 0.02, 1.0
 """Standard deviation of the gyroscope (rad/s) and of the position (m) above which the vehicle flies; least time (s)
 in the air."""
 
+CLIMBED = 0.5
+"""Height (m) over which a vehicle that flew moves, and the estimate of one on the ground hardly drifts."""
+
 SPEED_UNITS = {"rpm": 30.0 / np.pi, "Hz": 0.5 / np.pi, "rad/s of a motor behind a gear, or of poles": 7.0}
 
 
@@ -249,13 +262,14 @@ def _ground(flight: FlightData, start: Vehicle, spans: Sequence[tuple[float, flo
     pieces = [gyro.values[i : i + size].std(axis=0).max() for i in range(0, max(1, gyro.time.size - size), size)]
     rests = float(np.median(pieces)) < MOVING
     still = "position" in flight and float(np.ptp(flight["position"].values, axis=0).max()) < RESTING
+    climbed = "position" in flight and float(np.ptp(flight["position"].values[:, 2])) > CLIMBED
     airborne = sum(b - a for a, b in spans)
     brief = REFUSED, "flight", f"{airborne:.2g} s in the air: too short, or cut off", "take a flight of 10 s or more"
     if flight.duration < SHORTEST_FLIGHT:
         yield brief
-    elif (not spans and (rests or share < 1e-3)) or (rests and still):
+    elif (not spans and not climbed and (rests or share < 1e-3)) or (rests and still):
         yield REFUSED, name, f"lift {share:.2g} of the weight: the flight never took off", "take a log of a flight"
-    elif not WEIGHTS[0] < share < WEIGHTS[1]:
+    elif not WEIGHTS[0] < share < WEIGHTS[1] or (share < AIRBORNE and not spans):
         finding = f"lift {share:.3g} times the weight of '{start.name}' ({float(start.mass):.3g} kg) in the air"
         looks = [unit for unit, scale in SPEED_UNITS.items() if 0.6 < share / scale**2 < 1.6]
         finding += f": they look like {looks[0]}" if looks and name == COMMANDS[1] else ""
