@@ -260,6 +260,22 @@ def test_what_only_an_odd_vehicle_explains_is_searched(monkeypatch, share, named
         assert re.match(r"is 0\.[78]\d* times what fits: the start vehicle is 14 standard dev", found[0].finding)
 
 
+@pytest.mark.parametrize(("after", "named"), [(1.8, False), (1.49, False), (1.43, True)])
+def test_no_channel_is_accused_whose_residual_rises_or_hardly_falls(monkeypatch, after, named):
+    """A vehicle far off its start gains more by an exchange than the residual of the gyro pays for it."""
+
+    def exchanged(flight):
+        return differs(flight, "rotor_speed_commands")
+
+    def sizes(flight):
+        return {"gyro": after if exchanged(flight) else 1.63}
+
+    found, _ = isolated(monkeypatch, sizes, unusual=lambda flight: 0.0 if exchanged(flight) else 400.0)
+    accused = [each.channel for each in found if each.severity == REFUSED]
+    assert accused == ["rotor commands"] * named
+    assert all("falls from 1.63 times its noise to 1.4" in each.finding for each in found if each.severity == REFUSED)
+
+
 def test_of_two_changes_the_one_that_leaves_the_vehicle_as_it_was_is_named(monkeypatch):
     """Without an attitude a unit of the gyro and a clock explain the same, with other moments of inertia."""
     blind = dataclasses.replace(SOUND, channels={name: SOUND[name] for name in SOUND if name not in POSE})

@@ -92,6 +92,9 @@ GAIN, AHEAD = 0.3, 0.1
 """Thresholds of the cost: least decrease of a reported change that does not make all residuals white; and least
 advantage over changes of other channels of a change that is reported alone."""
 
+EVIDENCE = 0.9
+"""Largest ratio of the residual by which a fault is named to that before its correction."""
+
 UNUSUAL, FINE = 0.003, 0.1
 """Costs of a parameter one prior standard deviation off, and of white residuals, each over its size.
 
@@ -202,9 +205,7 @@ def _verdict(flights: Flights, start: Vehicle, faulty: Sequence[str], search: bo
 def _name_fault(best: Sequence[Tried], before: Left) -> Found:
     """Describe the fault that a channel correction undoes, an equally good alternative, and the effect."""
     change, left = best[0].change, best[0].left
-    rows, after = before.sizes, left.sizes
-    loud = [row for row in rows if row[0] not in PUSHES and rows[row] >= ALARM] or list(rows)
-    row = max(loud, key=lambda row: rows[row] / max(after.get(row, ALARM), 1e-3))
+    rows, after, row = before.sizes, left.sizes, _telling_row(before, left)
     residual = f"the {row[0]}" if row[0] in PUSHES else f"the residual of {row[0]}"
     if rows[row] == math.inf:
         effect = "the motion under the commands is no number without this change"
@@ -218,6 +219,21 @@ def _name_fault(best: Sequence[Tried], before: Left) -> Found:
     words = [f"{each.change.channel}: {each.change.words.format(each.amount)}" for each in best]
     finding = ", or ".join(words).removeprefix(f"{change.channel}: ")
     return change.severity, change.channel, f"{finding}: {effect}", change.remedy
+
+
+def _telling_row(before: Left, after: Left) -> tuple[str, int]:
+    """Row of a sensor whose residual a correction lowers most, among those that are not explained before it."""
+    rows = before.sizes
+    loud = [row for row in rows if row[0] not in PUSHES and rows[row] >= ALARM] or list(rows)
+    return max(loud, key=lambda row: rows[row] / max(after.sizes.get(row, ALARM), 1e-3))
+
+
+def _has_evidence(before: Left, after: Left) -> bool:
+    """True if what a fault would be named by falls: a residual, or the distance of an odd vehicle from the start."""
+    row = _telling_row(before, after)
+    if before.unusual > ODD and before.sizes[row] < ALARM:
+        return after.unusual < before.unusual
+    return after.sizes.get(row, 0.0) < EVIDENCE * before.sizes[row]
 
 
 def _best_changes(left: Leavings, flights: Flights, start: Vehicle, before: Left) -> list[Tried]:
@@ -258,6 +274,7 @@ def _best_changes(left: Leavings, flights: Flights, start: Vehicle, before: Left
     # a change must be worth its price, too, unless no gyro reads what this one did
     most = math.inf if _beyond_range(flight) else before.cost()
     worth = [each for each in finals if each.cost < most - (0.0 if each.left.largest < ALARM else GAIN)]
+    worth = [each for each in worth if _has_evidence(before, each.left)]
     # without the channel at fault all else is explained; less to explain is left of a wrong model, too
     best = sorted((each for each in worth if each.change.make is not leave_out or each.left.largest < ALARM), key=cost)
     rivals = [
