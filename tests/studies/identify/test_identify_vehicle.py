@@ -338,6 +338,26 @@ def test_a_moment_of_inertia_is_put_back_though_it_is_a_sum_of_what_is_searched(
     assert at_starts(thin, scale, [names.index("base.inertia.zz")], [each.name for each in unknowns]) == thin
 
 
+@pytest.mark.parametrize("factor", [1.0, 3.0])
+def test_the_vehicle_has_the_numbers_of_the_table_whatever_goes_back_beside_them(factor):
+    """Numbers at their starts move the others; of a start that no body has beside these, what was found stays."""
+    unknowns = [each for each in unknowns_of(START, **ALL) if each.name.startswith("base.")]
+    searched = np.array([each.begin for each in unknowns]) + np.where([each.positive for each in unknowns], 0.1, 1e-5)
+    found = {each.name: each.value(x) for each, x in zip(unknowns, searched.tolist(), strict=True)}
+    plain = {name: 1.3 * value for name, value in found.items()}  # as the numbers at their starts would have it
+    scale = scale_of(SimpleNamespace(values=searched), unknowns, reported_of(unknowns), {})
+    scale = dataclasses.replace(scale, starts=factor * scale.starts)
+    names = [each.name for each in scale.reported]
+    back, shown = [names.index("base.inertia.zz")], [names.index(f"base.{each}") for each in ("inertia.xx", "com.x")]
+    printed = {k: float(scale.values[k]) for k in (*shown, names.index("base.inertia.yy"))}
+    numbers = at_starts(plain, scale, back, [each.name for each in unknowns], printed, found)
+    inertia = vehicle_with(START, numbers, checked=True).base.inertia
+    for k, value in printed.items():
+        own = numbers[names[k]] if names[k] in numbers else float(getattr(inertia, names[k][-2:]))
+        assert own == pytest.approx(value, rel=1e-12), names[k]
+    assert inertia.zz == pytest.approx(START.base.inertia.zz if factor == 1.0 else scale.values[back[0]], rel=1e-12)
+
+
 def test_damping_that_no_data_sheet_has_is_searched():
     """At zero its logarithm cannot be; its spread is that of the dry friction at the rate of the link's swing."""
     arm = skyarm.load_vehicle("hummingbird_arm2_rotors")

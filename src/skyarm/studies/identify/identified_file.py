@@ -70,7 +70,7 @@ def _head(identified: Identified, start: Vehicle, flights: Sequence[str]) -> lis
         f"{IDENTIFIED_BY} from {len(flights)} flight{'s' if len(flights) > 1 else ''}, {identified.seconds:.3g} s:",
         *(f"  {each}" for each in flights),
         f"Start vehicle: {start.name}. Behind each number its 95 % interval; what the flights do not show is the",
-        "start's, and what they show is fitted to it.",
+        "start's.",
         GIVEN,
     ]
     if not identified.settled:

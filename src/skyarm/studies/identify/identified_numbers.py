@@ -72,7 +72,7 @@ class Identified:
     Attributes:
         numbers: each with its interval.
         correlation: (numbers, numbers) of their errors.
-        vehicle: the start vehicle with what the flights show; the rest is the start's, and what is shown fits to it.
+        vehicle: the start vehicle with the numbers that the flights show; the rest is the start's.
         surroundings: delays, places and offsets.
         explained: row -> share that the model explains, 0 to 1, of its variance in a window beyond a straight line and
             white noise.
@@ -318,26 +318,38 @@ def with_reasons(numbers: Sequence[IdentifiedNumber], beside: Mapping[int, int])
 
 
 def at_starts(
-    plain: Mapping[str, float], scale: Scale, replaced: Sequence[int], searched: Sequence[str]
+    plain: Mapping[str, float],
+    scale: Scale,
+    replaced: Sequence[int],
+    searched: Sequence[str],
+    shown: Mapping[int, float] | None = None,
+    found: Mapping[str, float] | None = None,
 ) -> dict[str, float]:
-    """Parameter values by name; parameters reset to start values, also sums of searched ones, have exactly these.
+    """Parameter values by name; those that are shown and those reset to start values, also sums, are exactly these.
 
-    Sums that were found and starts that no body has together are left as the linearisation has them.
+    Shown numbers and starts that no body has together are left as they were found.
 
     Args:
         plain: numbers, conditioned on the starts.
         scale: reported numbers.
         replaced: places of those that were put back.
         searched: names of the searched ones.
+        shown: values that the table prints, by their places.
+        found: numbers before they were conditioned.
     """
-    place = {name: i for i, name in enumerate(searched)}
+    place, printed = {name: i for i, name in enumerate(searched)}, shown or {}
     sums, totals = np.zeros((len(scale.reported), len(searched))), np.zeros(len(scale.reported))
     for k, each in enumerate(scale.reported):
         given = sum(plain[part] for part in each.parts if part not in place)
-        totals[k] = (scale.starts[k] if k in replaced else sum(plain[part] for part in each.parts)) - given
+        whole = scale.starts[k] if k in replaced else sum(plain[part] for part in each.parts)
+        totals[k] = printed.get(k, whole) - given
         sums[k, [place[part] for part in each.parts if part in place]] = 1.0
     if sums.shape[0] != sums.shape[1]:
         return dict(plain)
     solved = dict(zip(searched, np.linalg.solve(sums, totals).tolist(), strict=True))
     rising = {part for k, each in enumerate(scale.reported) if scale.positive[k] for part in each.parts}
-    return dict(plain) if any(solved[name] <= 0.0 for name in rising & set(solved)) else {**plain, **solved}
+    impossible = {name for name in rising & set(solved) if solved[name] <= 0.0}
+    if impossible and found is None:
+        return dict(plain)
+    together = [part for each in scale.reported if impossible & {*each.parts} for part in each.parts]
+    return {**plain, **solved, **{name: (found or plain)[name] for name in together}}

@@ -263,10 +263,18 @@ def identify_by_windows(
     of_vehicle = [any(part in inside for part in each.parts) for each in scale.reported]
     groups = [[i for i, each in enumerate(of_vehicle) if each is first] for first in (True, False)]
     conditioned = condition_on_start(fit.values, fit.curvature, scale.rows, scale.off, scale.before, shares, groups)
-    plain = at_starts(errors.numbers(conditioned.values), scale, conditioned.replaced, [each.name for each in unknowns])
+    numbers = [*with_reasons(numbers, conditioned.beside)]
+    plain = at_starts(
+        errors.numbers(conditioned.values),
+        scale,
+        conditioned.replaced,
+        [each.name for each in unknowns],
+        {k: each.value for k, each in enumerate(numbers) if each.is_known},
+        errors.numbers(fit.values),
+    )
     explained, deviation = explained_shares(errors, fit)
     return Identified(
-        numbers=with_reasons(numbers, conditioned.beside),
+        numbers=tuple(numbers),
         correlation=correlation,
         vehicle=vehicle_with(start, plain, checked=True),
         surroundings=surroundings_with(plain),
