@@ -136,7 +136,7 @@ def test_a_search_begins_again_with_samples_where_held_commands_act_early(monkey
 @pytest.mark.parametrize(
     ("delay", "early"), [(-0.0029, False), (-0.0031, True), (-0.0149, True), (-0.0151, False), (0.01, False)]
 )
-def test_held_commands_are_samples_where_they_act_up_to_three_quarters_of_a_period_early(delay, early):
+def test_held_commands_are_samples_if_they_act_up_to_three_quarters_of_it_early(delay, early):
     time = np.arange(0.0, 2.0, 0.02)
     speeds = 400.0 + np.sin(7.0 * time)[:, None] * np.ones(4)
     flight = FlightData(

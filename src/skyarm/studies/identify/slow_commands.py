@@ -14,6 +14,7 @@ from skyarm.dynamics.actuators.mixer import allocation_matrix
 from skyarm.dynamics.actuators.rotor import push
 from skyarm.flight_data.flight_data import FlightData
 from skyarm.flight_data.series import columns_at, means_of, values_at
+from skyarm.records.arrays import doubles
 from skyarm.studies.identify.logged_commands import command_samples, commanded_speeds, sampling_period
 from skyarm.vehicle import Vehicle
 
@@ -71,6 +72,6 @@ def explained_rotation(
     for late in np.arange(0.0, LATEST, 0.5 * GRID):
         both = np.hstack([turned, columns_at(time - late, grid, torques)])
         with np.errstate(invalid="ignore"):  # of a torque that is constant
-            related = np.nan_to_num(np.corrcoef(both.T))
+            related = doubles(np.nan_to_num(np.corrcoef(both.T)))
         best = max(best, related[0, 2], related[1, 3])
     return float(best) ** 2
