@@ -276,6 +276,17 @@ def test_no_channel_is_accused_whose_residual_rises_or_hardly_falls(monkeypatch,
     assert all("falls from 1.63 times its noise to 1.4" in each.finding for each in found if each.severity == REFUSED)
 
 
+@pytest.mark.parametrize(("left", "named"), [(0.27, False), (0.23, True)])
+def test_an_odd_vehicle_accuses_a_channel_that_halves_its_distance_from_the_start(monkeypatch, left, named):
+    """All is white before and after: what is left odd has another cause, as gusts have that a controller fights."""
+
+    def unusual(flight):
+        return 400.0 * (left if differs(flight, "rotor_speed_commands") else 1.0)
+
+    found, _ = isolated(monkeypatch, lambda flight: {}, unusual=unusual)
+    assert bool(found) == named
+
+
 def test_of_two_changes_the_one_that_leaves_the_vehicle_as_it_was_is_named(monkeypatch):
     """Without an attitude a unit of the gyro and a clock explain the same, with other moments of inertia."""
     blind = dataclasses.replace(SOUND, channels={name: SOUND[name] for name in SOUND if name not in POSE})

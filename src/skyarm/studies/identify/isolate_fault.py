@@ -92,8 +92,9 @@ GAIN, AHEAD = 0.3, 0.1
 """Thresholds of the cost: least decrease of a reported change that does not make all residuals white; and least
 advantage over changes of other channels of a change that is reported alone."""
 
-EVIDENCE = 0.9
-"""Largest ratio of the residual by which a fault is named to that before its correction."""
+EVIDENCE, NEARER = 0.9, 0.25
+"""Largest ratios to those before the correction: of the residual by which a fault is named, and of the squared distance
+of an odd vehicle from its start, whose oddness a gust in feedback may cause as well."""
 
 UNUSUAL, FINE = 0.003, 0.1
 """Costs of a parameter one prior standard deviation off, and of white residuals, each over its size.
@@ -232,7 +233,7 @@ def _has_evidence(before: Left, after: Left) -> bool:
     """True if what a fault would be named by falls: a residual, or the distance of an odd vehicle from the start."""
     row = _telling_row(before, after)
     if before.unusual > ODD and before.sizes[row] < ALARM:
-        return after.unusual < before.unusual
+        return after.unusual < NEARER * before.unusual
     return after.sizes.get(row, 0.0) < EVIDENCE * before.sizes[row]
 
 
@@ -261,7 +262,7 @@ def _best_changes(left: Leavings, flights: Flights, start: Vehicle, before: Left
             if sure and now and now[0].cost < hopeful:
                 hopeful = now[0].cost
                 finals += (done := trial(change, amount, LAST))
-                if done and done[0].left.largest < ALARM:
+                if done and done[0].left.largest < ALARM and _has_evidence(before, done[0].left):
                     return done
     ranked = _each_best(tried)
     # a turn hardly tells a flight without a channel from one with it
