@@ -281,6 +281,12 @@ def test_an_unused_voltage_is_reported_unless_that_of_the_rotors_is_known():
     assert said not in report(found_with(number("a"))).lines()
 
 
+def test_measured_speeds_are_said_to_be_unused():
+    said = "rotor_speeds: are measured and not used: to use them, map them as rotor_speed_commands"
+    assert report(found_with(number("a")), flight(), flight("b", rotor_speeds=4)).lines()[-1] == said
+    assert said not in report(found_with(number("a"))).lines()
+
+
 def test_the_document_has_no_value_that_flights_do_not_show_and_predictions_if_any():
     fault = LogFault(severity=WARNED, file="a.csv", channel="gyro", finding="is frozen", remedy="cut it")
     numbers = number("a"), number("b", reason=NOT_SHOWN)

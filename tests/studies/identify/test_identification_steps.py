@@ -19,6 +19,7 @@ from skyarm.studies.identify.identify_files import FlightFiles, identify_files
 from skyarm.studies.identify.identify_flights import identify_aligned
 from skyarm.studies.identify.identify_windows import SearchOptions
 from skyarm.studies.identify.log_checks import REFUSED, WARNED, LogFault
+from skyarm.studies.identify.logged_commands import are_samples
 
 START = skyarm.load_vehicle("hummingbird")
 CLOCK = ClockOffset("gyro", "quaternion", 0.01, 1e-4, 0.0, 1e-6, 0.0, 0.0, 0.99)
@@ -117,6 +118,18 @@ def test_poses_are_on_the_gyro_s_clock_before_the_fit_and_the_prediction(asked, 
     assert [each.name for each in asked.fitted[0][0]] == ["aa"]
     assert asked.predicted == [(["bb"], asked.fitted[0][2], ["aa"])]
     assert result.held_out == "predictions"
+
+
+@pytest.mark.parametrize("sampled", [False, True])
+def test_held_out_flights_have_samples_of_commands_where_those_of_the_fit_had(asked, monkeypatch, sampled):
+    monkeypatch.setattr(
+        flights_of, "identify_by_windows", lambda *_: dataclasses.replace(found((True,)), sampled=sampled)
+    )
+    seen = []
+    monkeypatch.setattr(flights_of, "predict_held_out", lambda *given, **more: seen.append((given[2], more)))
+    skyarm.identify_flights([flight("a")], START, held_out=[flight("b")])
+    ((held_out, more),) = seen
+    assert [are_samples(each) for each in (*held_out, *more["seen"])] == [sampled] * 2
 
 
 def test_faults_are_sought_in_sections_of_the_fit_and_in_whole_held_out_flights(asked):
