@@ -10,12 +10,14 @@ import numpy as np
 import pytest
 
 import skyarm
+from skyarm.algebra import Mat3, Vec3
 from skyarm.control.catalogue import BEARS_UNDRIVEN
 from skyarm.dynamics.array_front import center_of_mass
 from skyarm.scenario.unlikely_numbers import unlikely_numbers
 from skyarm.studies.assess.arm_poses import arm_poses, rest_of_hanging
 from skyarm.studies.assess.assessment import assess_vehicle
 from skyarm.studies.assess.thrust import locked_inertia
+from skyarm.vehicle import BASE
 from skyarm.vehicle.vehicle_records import undriven_joints
 from support.cases import sampled
 
@@ -130,6 +132,34 @@ def test_driven_joints_stay_where_the_poses_put_them():
     hung = arm_poses(with_joint(CARRIER, 1, effort_limit=0.0), 8)
     assert hung.joints[:, 0].tolist() == poses.joints[:, 0].tolist()
     assert undriven_joints(with_joint(CARRIER, 1, effort_limit=0.0)) == (CARRIER.links[1].joint.name,)
+
+
+def test_a_rope_of_many_joints_hangs_straight_down_in_every_pose_of_a_check():
+    """Its centre of mass is then below the hook by the mean of its links' places."""
+    link = skyarm.load_vehicle("pelican_arm2").links[0]
+    hinge = dataclasses.replace(link.joint, effort_limit=0.0, lower=-math.inf, upper=math.inf, rotation=Mat3.identity())
+    links = [
+        dataclasses.replace(
+            link,
+            name=f"piece{i}",
+            parent=i - 1 if i else BASE,
+            joint=dataclasses.replace(
+                hinge, name=f"hinge{i}", axis=Vec3(1, 0, 0) if i else Vec3(0, 0, 1), position=Vec3(0.0, 0.0, -0.1)
+            ),
+            body=dataclasses.replace(link.body, mass=0.01, com=Vec3(0.0, 0.0, -0.05)),
+        )
+        for i in range(12)
+    ]
+    rope = dataclasses.replace(CARRIER, links=tuple(links), frames=(), end_effector="")
+    poses = arm_poses(rope)
+    # the swivel, which no weight turns, is looked at all round
+    assert len(np.unique(poses.joints[:, 0])) > 8
+    assert np.ptp(poses.joints[:, 0]) > 3.0
+    assert np.abs(poses.joints[:, 1:]).max() < 1e-6
+    height = -sum(0.01 * (0.1 * (i + 1) + 0.05) for i in range(12))
+    body = CARRIER.base.mass * CARRIER.base.com.z
+    mean = (height + body) / (CARRIER.base.mass + 0.12)
+    assert heights(rope, poses.joints) == pytest.approx(mean, abs=1e-6)
 
 
 LAWS = (

@@ -12,7 +12,7 @@ import numpy as np
 from skyarm import dynamics
 from skyarm.algebra import E_Z, ZERO3, Motion
 from skyarm.dynamics.actuators import make_mixer
-from skyarm.records.arrays import Array, doubles, stack_values
+from skyarm.records.arrays import Array, Mask, doubles, stack_values
 from skyarm.records.immutable import immutable, positional
 from skyarm.vehicle import Joint, Vehicle
 from skyarm.vehicle.vehicle_records import undriven_joints
@@ -158,6 +158,10 @@ LANES = 4096
 CORNERS = 6
 """Largest number of joints for which every corner of the joint ranges is evaluated."""
 
+HUNG = 8
+"""Sampled poses of more joints than these if all of them hang, at one rest but for joints that no weight turns. To find
+the rest from each sample took minutes for ropes of 30 joints."""
+
 ROUNDS, AROUND, CLOSER = 16, 24, 0.65
 """Local search around the worst pose: number of rounds, trials of each round, and factor on their steps per round."""
 
@@ -258,11 +262,23 @@ def arm_poses(vehicle: Vehicle, count: int = POSES, gravity: float = GRAVITY) ->
     n = vehicle.n
     rng = np.random.default_rng(0)
     joints = np.clip(np.zeros((1, n)), low, high)
+    long_rope = n > CORNERS and len(hanging_joints(vehicle)) == n
+    count = min(count, HUNG) if long_rope else count
     if n:
         unit = np.stack([_coordinates(count, i, rng) for i in range(n)], axis=1)
         corners = np.array(np.meshgrid(*[(0.0, 1.0)] * n)).reshape(n, -1).T if n <= CORNERS else np.zeros((0, n))
         joints = np.vstack([joints, low + (high - low) * np.vstack([corners, unit])])
-    return ArmPoses(vehicle=vehicle, low=low, high=high, joints=joints, gravity=gravity).of(vehicle)
+    if long_rope:
+        rest = rest_of_hanging(vehicle, joints[:1])
+        joints = np.where(_at_rest_anywhere(vehicle, rest), joints, rest)
+    poses = ArmPoses(vehicle=vehicle, low=low, high=high, joints=joints, gravity=gravity, searched=not long_rope)
+    return poses.of(vehicle)
+
+
+def _at_rest_anywhere(vehicle: Vehicle, rest: Array) -> Mask:
+    """True for each joint that no weight turns in a pose (1, n) at rest."""
+    turned = [np.where(np.arange(vehicle.n) == i, rest + 1.0, rest) for i in range(vehicle.n)]
+    return np.array([_lowest(vehicle, each, i)[0] == each[0, i] for i, each in enumerate(turned)], dtype=bool)
 
 
 def joint_range(joint: Joint) -> tuple[float, float]:
