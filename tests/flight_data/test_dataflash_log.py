@@ -161,6 +161,16 @@ def test_angles_of_an_old_log_are_those_of_its_hundredths_of_a_degree(tmp_path: 
         ({"RCMAP_THROTTLE": 2.0, "RC3_MIN": 1.0, "RC3_MAX": 2.0, "RC2_MIN": 1300.0, "RC2_MAX": 1700.0}, 0.5, 4, "4 ro"),
         (OUTPUTS | {"MOT_PWM_TYPE": 6.0, "MOT_PWM_MIN": 1200.0}, 0.5, 4, ""),
         (OUTPUTS | {f"SERVO{k}_FUNCTION": f for k, f in ((1, 34.0), (2, 33.0), (3, 70.0), (4, 0.0))}, 0.5, 2, ""),
+        (OUTPUTS | {"FRAME_CLASS": 7.0, "SERVO3_FUNCTION": 36.0, "SERVO4_FUNCTION": 39.0}, 0.5, 3, ""),
+        (OUTPUTS | {"Q_FRAME_CLASS": 7.0, "SERVO3_FUNCTION": 36.0, "SERVO4_FUNCTION": 39.0}, 0.5, 3, ""),
+        (OUTPUTS | {"FRAME_CLASS": 9.0, "SERVO1_FUNCTION": 38.0, "SERVO2_FUNCTION": 37.0}, 0.5, 2, ""),
+        (
+            {k: v for k, v in OUTPUTS.items() if "PWM" not in k}
+            | {"Q_M_PWM_MIN": 1000.0, "Q_M_PWM_MAX": 1800.0, "RC3_MIN": 1100.0, "RC3_MAX": 1900.0},
+            0.625,
+            4,
+            "",
+        ),
         ({"RC3_MIN": 1600.0, "RC3_MAX": 1900.0}, 0.0, 4, ""),
         ({}, 0.5, 4, "limits of 1000 and 2000 us are assumed"),
     ],
@@ -180,6 +190,9 @@ def test_outputs_of_no_known_rotors_are_left_out_with_a_note(tmp_path: Path) -> 
     found = read(tmp_path, old({}, (1500, 1400, 1300, 1200, 0)))
     assert "rotor_commands" not in found
     assert "rotor_commands: are left out, as nothing says which outputs drive rotors" in found.notes[-1]
+    elsewhere = read(tmp_path, old(OUTPUTS | {"SERVO3_FUNCTION": 0.0, "SERVO15_FUNCTION": 35.0}))
+    assert "rotor_commands" not in elsewhere
+    assert "no output of RCOU has the SERVOn_FUNCTION 35 of rotors" in elsewhere.notes[-1]
 
 
 def test_a_second_unit_and_whole_number_fields_are_tables_apart(tmp_path: Path) -> None:

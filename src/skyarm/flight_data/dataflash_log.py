@@ -64,6 +64,12 @@ COUNTS = (3, 4, 6, 8)
 FUNCTIONS = (*range(33, 41), *range(82, 86))
 """SERVOn_FUNCTION of an output that drives the first motor, the second, ..."""
 
+ROTORS: Mapping[float, tuple[int, ...]] = {7: (33, 34, 36), 8: (37, 38), 9: (37, 38)}
+"""FRAME_CLASS -> functions that drive rotors, where others drive servos: tricopter, single and coaxial copter."""
+
+LIMITS = "MOT_PWM", "Q_M_PWM"
+"""Beginnings of the parameters on outputs to motors, of a copter and of a plane that hovers."""
+
 DIGITAL = range(4, 8)
 """MOT_PWM_TYPE of digital outputs, which are logged from 1000 to 2000."""
 
@@ -182,15 +188,13 @@ def _shares(outputs: RawTable, parameters: Mapping[str, float], notes: list[str]
     """Signals of the rotors as fractions (0 to 1) of their range; None if the number of rotors is unknown."""
     places = _motor_outputs(outputs, parameters, notes)
     if not places:
-        notes.append(
-            "rotor_commands: are left out, as nothing says which outputs drive rotors; a columns.toml may do so."
-        )
         return None
     throttle = f"RC{parameters.get('RCMAP_THROTTLE', 3.0):g}"
-    pairs = [("MOT_PWM_MIN", "MOT_PWM_MAX"), (f"{throttle}_MIN", f"{throttle}_MAX")]
+    motors = next((each for each in LIMITS if f"{each}_MAX" in parameters), LIMITS[0])
+    pairs = [(f"{each}_MIN", f"{each}_MAX") for each in (motors, throttle)]
     limits = [(parameters.get(low, 0.0), parameters.get(high, 0.0)) for low, high in pairs]
     stated = [each for each in limits if each[1] > each[0] > 0.0]
-    if parameters.get("MOT_PWM_TYPE", 0.0) in DIGITAL:
+    if parameters.get(f"{motors}_TYPE", 0.0) in DIGITAL:
         stated = [USUAL_LIMITS]
     low, high = [*stated, USUAL_LIMITS][0]
     if not stated:
@@ -203,11 +207,22 @@ def _motor_outputs(outputs: RawTable, parameters: Mapping[str, float], notes: li
     """Columns of the outputs that drive the rotors, in their order, by parameters or else by equal least outputs."""
     every = [name for name in outputs.columns if re.fullmatch(r"C(h)?\d+", name)]
     driven = {parameters.get(f"SERVO{k + 1}_FUNCTION", 0.0): name for k, name in reversed([*enumerate(every)])}
-    if FUNCTIONS[0] in driven:
-        return [driven[function] for function in takewhile(driven.__contains__, FUNCTIONS)]
+    stated = {value for name, value in parameters.items() if re.fullmatch(r"SERVO\d+_FUNCTION", name)}
+    frame = parameters.get("FRAME_CLASS", parameters.get("Q_FRAME_CLASS", 0.0))
+    rotors = [each for each in ROTORS.get(frame, FUNCTIONS) if each in stated]
+    if lost := [f"{each}" for each in rotors if each not in driven]:
+        notes.append(
+            f"rotor_commands: are left out, as no output of RCOU has the SERVOn_FUNCTION {', '.join(lost)} of rotors."
+        )
+        return []
+    if rotors:
+        return [driven[each] for each in rotors]
     least = [outputs.columns[name].min() for name in every]
     alike = len([*takewhile(lambda value: value == least[0], least)])
     if alike not in COUNTS:
+        notes.append(
+            "rotor_commands: are left out, as nothing says which outputs drive rotors; a columns.toml may do so."
+        )
         return []
     notes.append(f"rotor_commands: {alike} rotors are assumed, as so many outputs have the same least value.")
     return every[:alike]
