@@ -412,6 +412,24 @@ def test_several_files_of_one_clock_are_one_flight(tmp_path: Path) -> None:
             load_flight(tmp_path / "imu.csv")
 
 
+def test_of_each_file_the_columns_that_are_mapped_to_it_count_and_it_is_named(tmp_path: Path) -> None:
+    """Names of one file may be texts, or stand twice, in another one."""
+    stamps = np.arange(30) * 0.01
+    rows = [f"{t:.2f},1,2,3" for t in stamps]
+    (tmp_path / "a.csv").write_text("t,x,y,z,n,n\n" + "".join(f"{row},world,odom\n" for row in rows))
+    (tmp_path / "b.csv").write_text("t,n,m,o\n" + "\n".join([*rows[:-1], "0.29,1,2,-"]))
+    (tmp_path / "columns.toml").write_text(
+        '[time]\ncolumn = "t"\n[gyro]\ncolumns = ["x", "y", "z"]\n'
+        '[accelerometer]\nfile = "b.csv"\ncolumns = ["n", "m", "o"]\n'
+    )
+    found = load_flight(tmp_path / "a.csv")
+    assert (found["gyro"].time.size, found["accelerometer"].time.size) == (30, 29)
+    assert "b.csv: 1 cells are no numbers and count as empty." in found.notes
+    (tmp_path / "b.csv").write_text("t,n,m,o\n" + "\n".join(row.replace("3", "-") for row in rows[:3]))
+    with pytest.raises(ValueError, match=r"b\.csv: o = '-': must be a number in each cell"):
+        load_flight(tmp_path / "a.csv")
+
+
 def test_only_a_table_of_text_may_name_another_file() -> None:
     gyro = '[gyro]\ncolumns = ["gyro.x", "gyro.y", "gyro.z"]\nfile = "other.csv"\n'
     log = FLIGHTS / "crazyflie" / "log15_from_20_to_23_s"

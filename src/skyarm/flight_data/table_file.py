@@ -16,7 +16,7 @@ from skyarm.flight_data.columns_file import Columns
 from skyarm.flight_data.flight_data import FlightData, FlightFormat
 from skyarm.flight_data.raw_tables import RawTable, flight_of
 from skyarm.records.arrays import Array
-from skyarm.records.files import require_file, shown
+from skyarm.records.files import errors_as, require_file, shown
 from skyarm.records.files.messages import comma_list
 
 SEPARATORS = ",;\t "
@@ -42,7 +42,11 @@ def read_table(path: Path, columns: Columns | None) -> FlightData:
     tables = {}
     for name in dict.fromkeys([path.name, *(each.file for each in columns.signals.values() if each.file)]):
         require_file(path.parent / name, f"file = {shown(name)}")
-        tables[name] = _table_of(path.parent / name, columns, notes)
+        here = {word: each for word, each in columns.signals.items() if (each.file or path.name) == name}
+        of_file: list[str] = []
+        with errors_as(ValueError, f"{name}: "):
+            tables[name] = _table_of(path.parent / name, replace(columns, signals=here), of_file)
+        notes += [f"{name}{each.removeprefix('file')}" for each in of_file]
     return flight_of(path, tables, {}, replace(columns, signals=of_files), notes=notes)
 
 
