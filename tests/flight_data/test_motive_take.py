@@ -77,6 +77,17 @@ def test_of_several_bodies_the_first_is_read_or_that_of_a_mapping(
     np.testing.assert_allclose(other["quaternion"].values, [[1, 0, 0, 0]] * 50, atol=1e-9)
 
 
+def test_a_body_may_have_a_colon_in_its_name_and_the_first_of_equal_names_is_read(
+    tmp_path: Path, motion: tuple[Rotation, np.ndarray]
+) -> None:
+    text = take({"lab: quad": motion[0], "other": Rotation.identity(50)}, motion[1])
+    for each in (text, text.replace("other", "lab: quad")):
+        found = read(tmp_path, each)
+        assert found.facts["vehicle"] == "lab: quad"
+        wanted = motion[0].as_quat()[:, [3, 0, 1, 2]]
+        np.testing.assert_allclose(np.abs(np.sum(found["quaternion"].values * wanted, axis=1)), 1.0, atol=1e-9)
+
+
 def test_rows_in_which_the_body_is_not_seen_are_left_out(tmp_path: Path, motion: tuple[Rotation, np.ndarray]) -> None:
     lines = take({"quad": motion[0]}, motion[1]).split("\n")
     lines[27] = "20,7.500000,,,,,,,,"

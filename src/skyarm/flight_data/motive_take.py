@@ -43,12 +43,11 @@ def read_motive(path: Path, columns: Columns | None) -> FlightData:
     if scale is None or stated.get("Rotation Type") != "Quaternion":
         raise ValueError(f"head = {shown(stated)}: export it anew, with quaternions and lengths in m, cm or mm")
     kinds, names = (next((row for row in labels if row[1:2] == [word]), []) for word in ("Type", "Name"))
-    places = {
-        f"{name}: {group} {axis}": k
-        for k, (kind, name, group, axis) in enumerate(zip(kinds, names, groups, axes, strict=False))
-        if kind == BODY and axis
-    }
-    bodies = list(dict.fromkeys(name.partition(": ")[0] for name in places))
+    places, bodies = dict[str, int](), list[str]()
+    for k, (kind, name, group, axis) in enumerate(zip(kinds, names, groups, axes, strict=False)):
+        if kind == BODY and axis:
+            places.setdefault(f"{name}: {group} {axis}", k)
+            bodies += [name] if name not in bodies else []
     if not bodies:
         raise ValueError(f"columns: none is of a {BODY}; define one in Motive, and export it")
     notes = [f"bodies: {', '.join(bodies)}: the first is read; a columns.toml may map another."] if bodies[1:] else []
