@@ -268,12 +268,23 @@ def test_a_limit_of_ten_to_the_sixteen_is_none_as_in_gazebo(tmp_path: Path, lowe
     assert joint.upper == (1.4 if upper == "1.4" else math.inf)
 
 
-def test_a_root_without_inertia_is_refused_with_a_cure_that_works(tmp_path: Path) -> None:
-    foot = '<link name="foot"><inertial><mass value="0.1"/><inertia ixx="0" iyy="0" izz="0" ixy="0" ixz="0" iyz="0"/>'
-    arm = robot(foot + "</inertial></link>", BAR, SWING.replace('"hull"', '"foot"'))
+@pytest.mark.parametrize(("lower", "upper", "word"), [("inf", "inf", "lower"), ("-1e16", "-INF", "upper")])
+def test_a_limit_that_is_endless_on_the_wrong_side_is_one_line(
+    tmp_path: Path, lower: str, upper: str, word: str
+) -> None:
+    wrong = SWING.replace('lower="-1.3" upper="1.4"', f'lower="{lower}" upper="{upper}"')
+    with pytest.raises(VehicleError, match=rf"joint\[swing\]\.limit\.{word} = '-?(inf|INF)': must be .* finite$"):
+        loaded(tmp_path, robot(HULL, BAR, wrong))
+
+
+@pytest.mark.parametrize("name", ["foot", "base"])
+def test_a_root_without_inertia_is_refused_with_a_cure_that_works(tmp_path: Path, name: str) -> None:
+    foot = f'<link name="{name}"><inertial><mass value="0.1"/>'
+    foot += '<inertia ixx="0" iyy="0" izz="0" ixy="0" ixz="0" iyz="0"/>'
+    arm = robot(foot + "</inertial></link>", BAR, SWING.replace('"hull"', f'"{name}"'))
     for toml in ("", "mimic = 'lock'\n"):
         with pytest.raises(
-            VehicleError, match=r"base\.inertia = 0\.0: .* root 'foot' has no inertia, .* \[\[attach\]\]$"
+            VehicleError, match=rf"base\.inertia = 0\.0: .* root '{name}' has no inertia, .* \[\[attach\]\]$"
         ):
             loaded(tmp_path, arm, toml)
     mounted = 'schema = 1\nname = "m"\nairframe = "hummingbird"\n[[attach]]\narm = "r.urdf"\n'

@@ -360,7 +360,7 @@ class RigidBodies:
             VehicleError: one line with field, value, what is allowed and the cure.
         """
         mass, least = float(self.base.mass), principal_moments(self.base.inertia)[0]
-        if self.root != "base" and (mass == 0.0 or 0.0 <= least < NOISE):
+        if mass == 0.0 or 0.0 <= least < NOISE:
             field, value, lacks = (
                 ("mass", mass, "weighs nothing") if mass == 0.0 else ("inertia", least, "has no inertia")
             )

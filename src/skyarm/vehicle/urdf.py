@@ -257,7 +257,11 @@ def limits(joint: ET.Element) -> tuple[float, float]:
         return -math.inf, math.inf
     lower = number(limit, "lower", f"{field}.limit", math.nan, infinite=True)
     upper = number(limit, "upper", f"{field}.limit", math.nan, infinite=True)
-    lower, upper = (math.copysign(math.inf, each) if abs(each) >= UNLIMITED else each for each in (lower, upper))
+    lower = -math.inf if lower <= -UNLIMITED else lower
+    upper = math.inf if upper >= UNLIMITED else upper
+    for word, value in (("lower", lower), ("upper", -upper)):
+        if value == math.inf:
+            refuse(f"{field}.limit.{word}", limit.get(word), "must be on the other side of 0, or finite")
     if math.isnan(lower):
         lower = 0.0 if upper > 0.0 else -math.inf
     if math.isnan(upper):

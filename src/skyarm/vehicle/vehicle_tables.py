@@ -84,7 +84,8 @@ def vehicle_from(document: Mapping[str, Any], refer: Refer, folder: Path = Path(
     flying = mount_rotors(bodies, read_rotor_tables(top, any(each.tilt_joint for each in bodies.rotors)))
     every = top.choice("inertia_repair", ("small", "nearest"), "small") == "nearest"
     bodies, rotors = with_real_inertias(flying.bodies, every=every), flying.rotors
-    bodies.require_airframe()
+    if _source(top):
+        bodies.require_airframe()
     frames = tuple(_frame(fields, bodies) for fields in top.tables("frames"))
     links, followers, fixed = couple(bodies.links, (*bodies.frames, *frames, *bodies.looks), bodies.mimics)
     stated = mounted_drives(top.inner("drives").table, "drives", bodies.speeds)
