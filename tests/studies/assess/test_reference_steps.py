@@ -52,6 +52,19 @@ def test_a_step_of_the_velocity_is_its_number_at_its_time(base, speed, time):
     )
 
 
+@pytest.mark.parametrize("phase", [0.0, 0.5 * np.pi])
+def test_a_reference_that_is_tracked_later_steps_from_rest_at_that_time(phase):
+    """A quarter of a period of 2.5 s later a sine is as fast as a cosine at first: not at all, or at its fastest."""
+    base = {"kind": "signals", "x": sine(0.9, phase=phase)}
+    moves = {"velocity": [3.0, 0.0, 0.0]}
+    found = step_of(scenario({}, initial=moves, reference={"base": base, "tracking_start": 0.625}))
+    if phase == 0.0:
+        assert found is None
+    else:
+        assert found.value == pytest.approx(0.9, rel=1e-4)
+        assert "steps by 0.9 m/s at 0.625 s" in found.text
+
+
 @pytest.mark.parametrize(
     "base",
     [

@@ -122,15 +122,17 @@ def _clearance(scenario: Scenario, followed: Followed) -> list[Finding]:
 
 
 def _speed_steps(scenario: Scenario) -> list[Finding]:
-    """Alarm of a reference whose velocity steps, at the start from that of the vehicle, which lags as after a blow."""
-    later = [t for t in _jump_times(scenario) if 0.0 < t < scenario.duration]
-    times = np.array([0.0, *later])
+    """Alarm of a reference whose velocity steps, which for the vehicle is as a blow.
+
+    At the start of tracking the step is from the velocity of the vehicle: its initial one, or rest.
+    """
+    start, initial = float(scenario.agent.tracking_start), scenario.agent.initial
+    times = np.array([start, *(t for t in _jump_times(scenario) if start < t < scenario.duration)])
     before, after = (
         stack_values(len(times), reference_at(scenario, np.maximum(times + side, 0.0)).velocity)
         for side in (-AROUND, AROUND)
     )
-    initial = scenario.agent.initial
-    before[:, 0] = np.zeros(3) if initial is None else np.array(list(initial.velocity), dtype=float)
+    before[:, 0] = np.zeros(3) if initial is None or start else np.array(list(initial.velocity), dtype=float)
     steps = np.linalg.norm(after - before, axis=0)
     # a vehicle that is to brake at first is meant to
     steps[0] = min(steps[0], np.linalg.norm(after[:, 0]))
