@@ -203,6 +203,17 @@ def test_a_second_unit_and_whole_number_fields_are_tables_apart(tmp_path: Path) 
     np.testing.assert_array_equal(second, decoded(tmp_path, "IMU", *AXES[:3], instance=1)[:, 1:] * TURN)
 
 
+def test_of_instances_that_do_not_begin_with_zero_the_least_is_read(tmp_path: Path) -> None:
+    log = Writer(IMU=("QBffffff", f"TimeUS,I,{','.join(AXES)}"), BAT=("QBf", "TimeUS,Inst,Volt"))
+    for k in range(60):
+        log.put("IMU", 10_000 * k, 0, *range(6))
+        log.put("BAT", 10_000 * k, 2, 11.0)
+        log.put("BAT", 10_000 * k, 1, 12.5)
+    found = read(tmp_path, log.data)
+    np.testing.assert_array_equal(found["voltage"].values, np.full((60, 1), 12.5))
+    assert found.unused == ("BAT[2]",)
+
+
 def test_raw_samples_are_taken_at_their_own_times_where_they_are_logged(tmp_path: Path) -> None:
     fields = "TimeUS,I,SampleUS,GyrX,GyrY,GyrZ"
     log = Writer(IMU=("QBffffff", f"TimeUS,I,{','.join(AXES)}"), GYR=("QBQfff", fields))

@@ -3,7 +3,8 @@
 The file is a sequence of messages: bytes A3 95, a type, a body of the type's length. Messages of type 128 (FMT) define
 the others: type, length, name, a letter for each field, names of the fields. Axes are forward, right, down of the base
 and north, east, down of the world. Messages with an instance field, as of several inertial units, are tables apart:
-``IMU`` for instance 0, ``IMU[1]`` for the next. The signal of a rotor is its output between the least and the largest.
+``IMU`` for the least instance, ``IMU[1]`` for another. The signal of a rotor is its output between the least and the
+largest.
 """
 
 from __future__ import annotations
@@ -175,13 +176,13 @@ def _tables(rows: Messages) -> Iterator[tuple[str, RawTable]]:
         numbers = {field: values for field, values in fields.items() if values.dtype.kind in "iuf"}
         stamp = next((each for each in STAMPS if each in numbers), "")
         counted = [numbers[each] for each in INSTANCES if each in numbers and numbers[each].dtype == np.uint8]
-        for instance in np.unique(counted[0]) if counted else (0,):
+        for place, instance in enumerate(np.unique(counted[0]) if counted else (0,)):
             chosen = counted[0] == instance if counted else slice(None)
             with np.errstate(invalid="ignore"):  # NaNs of a damaged file that signal
                 columns = {field: values[chosen].astype(float) for field, values in numbers.items()}
             if stamp:
                 time = columns[stamp] * STAMPS[stamp]
-                yield f"{name}[{instance}]" if instance else name, RawTable(columns=columns, time=time)
+                yield f"{name}[{instance}]" if place else name, RawTable(columns=columns, time=time)
 
 
 def _shares(outputs: RawTable, parameters: Mapping[str, float], notes: list[str]) -> RawTable | None:
