@@ -231,3 +231,53 @@ def test_compare_refuses_what_mujoco_does_not_read_as_a_vehicle(folder, file, sa
     body = '<body><geom size="0.1" mass="1"/></body>'
     saved(folder, f"<mujoco><worldbody>{body}<body><site/></body></worldbody></mujoco>", "v.xml")
     refused(skyarm("show", file, "--compare"), said)
+
+
+def uncommented(text):
+    return re.sub(r"^# (\[\[joints]]|name = |hold = )", r"\1", text, flags=re.MULTILINE).replace(
+        "hold = ...", "hold = 0.3"
+    )
+
+
+def test_rotors_that_ride_on_a_joint_are_kept_and_the_joint_is_asked_for(folder):
+    text = quad().replace('<parent link="hull"/><child link="p0"/>', '<parent link="upper"/><child link="p0"/>')
+    saved(folder, text)
+    done = skyarm("new", "vehicle", "mine", "--from", "r.urdf")
+    assert done.code == 0, done
+    written = (folder / "mine.toml").read_text("utf-8")
+    assert '# [[joints]]\n# name = "shoulder"\n# hold = ...' in written
+    asked = skyarm("check", "mine.toml")
+    assert "state them in mine.toml" in asked.out
+    assert "--from" not in asked.out
+    saved(folder, uncommented(written), "mine.toml")
+    by_hand = 'schema = 1\nname = "mine"\nurdf = "r.urdf"\n[[joints]]\nname = "shoulder"\nhold = 0.3\n'
+    saved(folder, by_hand, "hand.toml")
+    assert len(load_vehicle("mine.toml").rotors) == 4
+    assert load_vehicle("mine.toml").rotors == load_vehicle("hand.toml").rotors
+
+
+def test_a_file_without_rotors_gets_an_entry_to_fill_and_no_circle(folder):
+    saved(folder, robot(link("hull", (0.02, 0.02, 0.03), mass=1.2)))
+    assert skyarm("new", "vehicle", "mine", "--from", "r.urdf").code == 0
+    assert "# [[rotors]]\n" in (folder / "mine.toml").read_text("utf-8")
+    asked = skyarm("check", "mine.toml")
+    assert "add [[rotors]]" in asked.out
+    assert "--from" not in asked.out
+
+
+def test_the_check_of_a_vehicle_that_flies_says_what_makes_its_scenario(folder):
+    saved(folder, quad())
+    assert skyarm("new", "vehicle", "mine", "--from", "r.urdf").code == 0
+    last = skyarm("check", "mine.toml").out.splitlines()[-1]
+    assert last == "next: skyarm new vehicle NAME --from mine.toml"
+    assert skyarm("new", "vehicle", "again", "--from", "mine.toml").code == 0
+    assert (folder / "again_hover.toml").exists()
+
+
+def test_lags_that_no_file_states_are_marked_as_assumed(folder):
+    saved(folder, quad())
+    assert skyarm("new", "vehicle", "mine", "--from", "r.urdf").code == 0
+    kept = (folder / "mine.toml").read_text("utf-8").splitlines(keepends=True)
+    saved(folder, "".join(each for each in kept if "time_constant" not in each), "bare.toml")
+    assert skyarm("new", "vehicle", "again", "--from", "bare.toml").code == 0
+    assert "time_constant_up = 0.0125  # assumed: " in (folder / "again.toml").read_text("utf-8")

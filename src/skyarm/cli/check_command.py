@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from pathlib import Path
 from typing import Annotated
 
@@ -12,7 +13,7 @@ from skyarm.cli.lines import DIFFERENT
 from skyarm.cli.output import bar, give, tell
 from skyarm.records.files import write_atomically
 from skyarm.records.files.own_inputs import inputs_kept
-from skyarm.scenario.scenario_file import kind_of_file
+from skyarm.scenario.scenario_file import is_scenario, kind_of_file
 from skyarm.studies.assess.assessment import check as assess
 from skyarm.studies.assess.check_sheet import sheet
 from skyarm.studies.assess.former_words import upgrade_file
@@ -63,6 +64,8 @@ def check(
     tell(*sheet(assessment))
     if not assessment.flies:
         raise typer.Exit(DIFFERENT)
+    if Path(what).suffix and not is_scenario(what):
+        tell(f"next: skyarm new vehicle NAME --from {shlex.quote(what)}")
 
 
 def _write_upgrade(path: Path) -> None:

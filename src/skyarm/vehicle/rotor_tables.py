@@ -228,6 +228,13 @@ def _gaps(bodies: RigidBodies, rotors: Mapping[str, StatedRotor], values: Mappin
     return [*lines, f"rotors {', '.join(riding)}: {_rides_on(joints)}"] if joints else lines
 
 
+def joints_below_rotors(bodies: RigidBodies) -> list[str]:
+    """Names of the joints that move the rotors of a file, without those that spin or tilt them."""
+    still = _without_spin(bodies, bodies.rotors)
+    seats = [place_in(still, each.link, f"rotors[{each.name}].link") for each in bodies.rotors]
+    return list(dict.fromkeys(joint for seat in seats for joint in _joints_below(still, seat.link)))
+
+
 def _joints_below(bodies: RigidBodies, link: int) -> list[str]:
     """Names of the joints that move a link, the base's first; none if it is the base."""
     if link == BASE:

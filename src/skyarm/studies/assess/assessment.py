@@ -158,6 +158,7 @@ def check(
     Raises:
         ValueError: one line: what cannot be read, or an argument outside of what is allowed.
     """
+    file = "" if isinstance(what, (Vehicle, Scenario)) else str(what)
     if not isinstance(what, (Vehicle, Scenario)):
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", WithoutEffectWarning)  # a finding below
@@ -165,7 +166,8 @@ def check(
     if flights and (isinstance(what, Vehicle) or len(what.agents) > 1):
         raise ValueError("--flights: must be left out unless a scenario of one vehicle states the law that flies")
     if isinstance(what, Vehicle):
-        return assess_vehicle(what, gravity=9.81 if gravity is None else gravity, payload=payload, poses=poses)
+        gravity = 9.81 if gravity is None else gravity
+        return assess_vehicle(what, gravity=gravity, payload=payload, poses=poses, file=file)
     if gravity is not None:
         raise ValueError(f"--gravity = {gravity:g}: must be left out: the scenario states its own (plant.gravity)")
     require_shapes(what)
@@ -178,7 +180,9 @@ def check(
     return replace(found, findings=(*found.findings, *flown))
 
 
-def assess_vehicle(vehicle: Vehicle, *, gravity: float = 9.81, payload: float = 0.0, poses: int = POSES) -> Assessment:
+def assess_vehicle(
+    vehicle: Vehicle, *, gravity: float = 9.81, payload: float = 0.0, poses: int = POSES, file: str = ""
+) -> Assessment:
     """Run all checks of a vehicle.
 
     Args:
@@ -186,6 +190,7 @@ def assess_vehicle(vehicle: Vehicle, *, gravity: float = 9.81, payload: float = 
         gravity: m/s^2.
         payload: kg, a point mass at the tip.
         poses: sampled arm poses.
+        file: file of the vehicle, "" if there is none.
 
     Raises:
         ValueError: one line: an argument outside of what is allowed.
@@ -195,7 +200,7 @@ def assess_vehicle(vehicle: Vehicle, *, gravity: float = 9.81, payload: float = 
     if payload and not vehicle.end_effector:
         lacks = f"vehicle '{vehicle.name}' has no tip (end_effector){vehicle.tip_cure}"
         raise ValueError(f"--payload = {payload:g}: must be left out: {lacks}")
-    findings = causes_first([*_vehicle_findings(arm_poses(vehicle, poses, gravity), payload)])
+    findings = causes_first([*_vehicle_findings(arm_poses(vehicle, poses, gravity), payload, file)])
     return Assessment(vehicle.name, vehicle, gravity, payload, poses, findings)
 
 
@@ -235,14 +240,14 @@ def assess_scenario(scenario: Scenario, *, payload: float = 0.0, poses: int = PO
     return replace(first, name=scenario.name, findings=tuple(shared), agents=agents)
 
 
-def _vehicle_findings(poses: ArmPoses, payload: float) -> list[Finding]:
+def _vehicle_findings(poses: ArmPoses, payload: float, file: str) -> list[Finding]:
     """Results of all checks of a vehicle; without rotors a fault replaces those of thrust."""
     vehicle, gravity = poses.vehicle, poses.gravity
     findings = [*units_of_vehicle(vehicle), *disc_loading(vehicle, gravity)]
     if vehicle.rotors:
         findings += rotor_layout(vehicle, gravity)
     else:
-        findings.append(_no_rotors(vehicle))
+        findings.append(_no_rotors(vehicle, file))
     findings += rotors_as_joints(vehicle)
     loads = [poses, *([poses.of(vehicle.with_payload(payload), f" with {payload:g} kg")] if payload else [])]
     turned = bool(vehicle.rotors) and _has_full_allocation(vehicle)
@@ -257,15 +262,17 @@ def _vehicle_findings(poses: ArmPoses, payload: float) -> list[Finding]:
     return [*findings, *arm_workspace(poses), *endurance]
 
 
-def _no_rotors(vehicle: Vehicle) -> Finding:
+def _no_rotors(vehicle: Vehicle, file: str) -> Finding:
     """Fault of a vehicle without rotors: there are none, or its file states some with gaps."""
-    writes = "of a .urdf, .xml or .sdf file this writes the vehicle file: skyarm new vehicle NAME --from FILE"
+    place, writes = f"{file}, where they are missing", ""
+    if not file.endswith(".toml"):
+        place = "a vehicle file"
+        writes = "; of a .urdf, .xml or .sdf file this writes the vehicle file: skyarm new vehicle NAME --from FILE"
     if vehicle.gaps:
-        remedy = f"state them in a vehicle file; {writes}"
-        return Finding("rotors", FAULT, "; ".join(vehicle.gaps), "rotors", remedy)
+        return Finding("rotors", FAULT, "; ".join(vehicle.gaps), "rotors", f"state them in {place}{writes}")
     like = "".join(f', link = "{name}"' for name in links_like_rotors(vehicle)[:1])
     add = f"add [[rotors]]{like}, or put it as an arm on a multirotor by [[attach]] in that one's file"
-    return Finding("rotors", FAULT, "no rotors: nothing holds it up", "rotors", f"{add}; {writes}")
+    return Finding("rotors", FAULT, "no rotors: nothing holds it up", "rotors", f"{add}{writes}")
 
 
 def _has_full_allocation(vehicle: Vehicle) -> bool:
