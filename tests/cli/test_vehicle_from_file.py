@@ -281,3 +281,13 @@ def test_lags_that_no_file_states_are_marked_as_assumed(folder):
     saved(folder, "".join(each for each in kept if "time_constant" not in each), "bare.toml")
     assert skyarm("new", "vehicle", "again", "--from", "bare.toml").code == 0
     assert "time_constant_up = 0.0125  # assumed: " in (folder / "again.toml").read_text("utf-8")
+
+
+def test_a_vehicle_with_a_fault_is_not_said_to_fly(folder):
+    assert saved(folder, quad()).exists()
+    whole = skyarm("new", "vehicle", "whole", "--from", "r.urdf")
+    assert whole.out.splitlines()[-1] == "fly it: skyarm run whole_hover.toml"
+    text = (folder / "whole.toml").read_text("utf-8")
+    (folder / "heavy.toml").write_text(re.sub(r"(?m)^mass = .*", "mass = 1200.0", text, count=1), "utf-8")
+    heavy = skyarm("new", "vehicle", "heavy2", "--from", "heavy.toml")
+    assert heavy.out.splitlines()[-1] == ("the check of the vehicle finds a fault; which one: skyarm check heavy2.toml")

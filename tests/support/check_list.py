@@ -8,7 +8,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from skyarm.studies.assess.along_reference import BLOW, CLEARANCES
-from skyarm.studies.assess.assessment import LAW, PARTS, PLAN, QUESTION
+from skyarm.studies.assess.assessment import LAW, PARTS, PLAN, QUESTION, REFUSED
 from skyarm.studies.assess.endurance import SHORTEST
 from skyarm.studies.assess.finding import UNITS
 from skyarm.studies.assess.joints import OFTEN
@@ -56,6 +56,13 @@ CHECKS: tuple[Check, ...] = (
     ),
     Check(
         VEHICLE,
+        REFUSED,
+        "fault",
+        "whether plants refuse the vehicle: joint friction or stops too stiff for the integration",
+        "lower the damping, or state the armature",
+    ),
+    Check(
+        VEHICLE,
         "weight on the rotors' discs",
         "ok, fault",
         f"weight over the area of the discs; fault outside {DISC_LOADING[0]:g} to {DISC_LOADING[1]:g} N/m^2",
@@ -78,8 +85,8 @@ CHECKS: tuple[Check, ...] = (
     Check(
         VEHICLE,
         "axes of the rotors",
-        "warning, fault",
-        "whether the thrust of a rotor points down; a warning if it is reversible, for the shipped laws reverse none",
+        "fault",
+        "whether the thrust of a rotor that is not reversible points down",
         "turn the axis round",
     ),
     Check(
@@ -119,7 +126,8 @@ CHECKS: tuple[Check, ...] = (
         VEHICLE,
         "balance of the rotors",
         "ok, warning, fault",
-        f"hover thrust of the idlest rotor over the mean, worst arm pose; fault below 0, warning below {LEAST_SHARE:g}",
+        f"hover thrust of the idlest rotor over the mean, worst arm pose; fault below 0, also of a reversible rotor, "
+        f"for the shipped laws reverse none; warning below {LEAST_SHARE:g}",
         "move mass towards the rotors' middle",
     ),
     Check(

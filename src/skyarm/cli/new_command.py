@@ -19,6 +19,7 @@ from skyarm.records.files import must_be_one_of, require_writable, shown, write_
 from skyarm.records.files.earlier_files import naming
 from skyarm.records.files.names import is_result_name
 from skyarm.records.files.writing import require_new
+from skyarm.studies.assess.assessment import check as assess
 from skyarm.vehicle.own_file import own_vehicle_file
 
 NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,59}")
@@ -79,10 +80,12 @@ def new(
         raise ValueError(f"--tip = {shown(tip)}: must stand beside --from")
     own, flies = own_vehicle_file(source, name, tip) if source else ("", True)
     files = write_starter(kind, name, out, force=force, own=own, flies=flies)
-    first = FIRST[kind if flies else "unfinished"]
+    fails = bool(own and flies) and not assess(files[0], poses=64).flies
+    first = FIRST[kind if flies and not fails else "unfinished"]
     first = shlex.join(word.format(file=Path(out, name), name=name) for word in first.split())
     give(kind=kind, name=name, files=files, next=first)
     what = "fly it" if flies else "without rotors that are whole it does not fly; what it lacks"
+    what = "the check of the vehicle finds a fault; which one" if fails else what
     tell(f"written: {', '.join(map(str, files))}", f"{what}: {first}")
 
 

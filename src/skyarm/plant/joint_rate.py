@@ -100,7 +100,7 @@ def _blame(joint: Joint, rate: float) -> str:
     if _steepest(joint) > joint.damping:
         field, remedy = "coulomb", "raise coulomb_rate or lower coulomb, or state the armature"
     return (
-        f"joints[{joint.name}].{field} = {getattr(joint, field)!r}: joint friction decays at {rate:.3g} 1/s: "
+        f"joints[{joint.name}].{field} = {getattr(joint, field)!r}: joint friction decays at {rate:.9g} 1/s: "
         f"must be at most {FASTEST:g}; {remedy}"
     )
 
@@ -141,7 +141,7 @@ def stop_frequency(vehicle: Vehicle) -> float:
         joint = joints[int(np.argmax(np.abs(worst)))]
         raise VehicleError(
             f"joints[{joint.name}].{field} = {getattr(joint, field)!r}: a stop this stiff moves the joint at "
-            f"{max(frequency, decay):.3g} rad/s: must be at most {STIFFEST:g}; lower {field}, or state the armature"
+            f"{max(frequency, decay):.9g} rad/s: must be at most {STIFFEST:g}; lower {field}, or state the armature"
         )
     return max(frequency, decay)
 

@@ -239,6 +239,9 @@ def _rotors(vehicle: Vehicle) -> Iterator[str]:
     weight, top = float(vehicle.mass) * EARTH, float(highest_thrust(vehicle)) if vehicle.rotors else math.nan
     if not 0.0 <= top < math.inf or MARGINS[0] * weight <= top <= MARGINS[1] * weight:
         return
+    if top < weight and any(float(rotor.axis.z) < 0.0 for rotor in vehicle.rotors if not rotor.reversible):
+        yield f"rotors.axis: thrusts that point down leave {top / weight:.3g} times the weight; upwards?"
+        return
     table = next((f"rotors[{rotor.name}].thrust_table" for rotor in vehicle.rotors if rotor.table is not None), "")
     speeds = table or f"rotors: max_speed = {max(float(rotor.max_speed) for rotor in vehicle.rotors):g} rad/s"
     hint = "rad/s, not rev/min? N, not g?" if table else "rad/s, not rev/min? N s^2/rad^2 of thrust? kg, not g?"

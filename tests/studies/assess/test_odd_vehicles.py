@@ -13,6 +13,7 @@ import skyarm
 from skyarm.algebra import Vec3
 from skyarm.dynamics.actuators import AllocationError, make_mixer
 from skyarm.dynamics.actuators.hover import highest_thrust, hover_trim
+from skyarm.plant.joint_rate import friction_rate
 from skyarm.scenario.unlikely_numbers import unlikely_in_vehicle
 from skyarm.studies.assess.arm_poses import Allocation, arm_poses, hover_efforts, joint_range
 from skyarm.studies.assess.assessment import Assessment, assess_vehicle
@@ -115,13 +116,14 @@ DOWN = {"axis": Vec3(0, 0, -1)}
 BOTH_WAYS = {**DOWN, "reversible": True}
 
 
-def test_reversible_rotors_that_point_down_are_no_fault_and_lift_backwards():
+def test_no_shipped_law_flies_a_vehicle_whose_hover_turns_rotors_backwards():
     vehicle = with_rotors([BOTH_WAYS, {}, {}, BOTH_WAYS])
     found = assess_vehicle(vehicle, poses=FEW)
-    assert found.flies
-    assert {each.question for each in found.alarms()} == {"axes of the rotors"}
-    assert [each.level for each in found.alarms()] == [WARNING] * 2
-    assert all("the shipped ones turn no rotor backwards" in each.remedy for each in found.alarms())
+    (fault,) = found.alarms()
+    assert (fault.question, fault.level, fault.field) == ("balance of the rotors", FAULT, "rotors.reversible")
+    first, _, _, last = (each.name for each in QUAD.rotors)
+    assert fault.text == f"no shipped law flies it: hover turns {first}, {last} backwards"
+    assert "the shipped ones turn no rotor backwards" in fault.remedy
     upright = assess_vehicle(QUAD, poses=FEW)
     for question in ("thrust margin", "senses of rotation", "roll authority", "pitch authority", "largest side force"):
         assert answer(found, question).value == pytest.approx(answer(upright, question).value, rel=1e-9), question
@@ -133,6 +135,38 @@ def test_reversible_rotors_that_point_down_are_no_fault_and_lift_backwards():
     assert float(highest_thrust(vehicle)) == pytest.approx(
         sum(float(r.thrust_coefficient) * float(r.max_speed) ** 2 for r in QUAD.rotors), rel=1e-12
     )
+
+
+def test_reversible_rotors_that_hover_forwards_fly():
+    assert not assess_vehicle(with_rotors([{"reversible": True}] * 4), poses=FEW).alarms()
+
+
+def test_thrusts_that_cancel_are_a_matter_of_axes_and_not_of_units():
+    found = assess_vehicle(with_rotors([DOWN, {}, {}, DOWN]), poses=FEW)  # by symmetry no thrust is left
+    assert {each.question for each in found.alarms()} == {"axes of the rotors"}
+    assert "max_speed" not in answer(found, "units").text
+
+
+def test_a_joint_that_no_plant_takes_is_a_fault_and_its_rate_is_told_from_the_limit():
+    """The decay rate of a light link is close to its damping over its inertia about the joint."""
+    vehicle = skyarm.load_vehicle("hummingbird_arm2")
+    assert not any(each.question == "simulation" for each in assess_vehicle(vehicle, poses=FEW).findings)
+    tip = vehicle.links[-1]
+    rate = friction_rate(with_damping(vehicle, 1e-4)) / 1e-4  # linear in the damping of one joint
+    found = assess_vehicle(with_damping(vehicle, 10000.4 / rate), poses=FEW)
+    fault = answer(found, "simulation")
+    assert (fault.level, fault.field) == (FAULT, f"joints[{tip.joint.name}].damping")
+    assert "decays at 10000.4 1/s: must be at most 10000" in fault.text
+    assert not found.flies
+
+
+def with_damping(vehicle, damping):
+    links = [
+        dataclasses.replace(each, joint=dataclasses.replace(each.joint, damping=0.0, coulomb=0.0))
+        for each in vehicle.links
+    ]
+    links[-1] = dataclasses.replace(links[-1], joint=dataclasses.replace(links[-1].joint, damping=damping))
+    return dataclasses.replace(vehicle, links=tuple(links))
 
 
 def test_a_rotor_upside_down_that_turns_one_way_is_a_fault():

@@ -10,10 +10,12 @@ from functools import cache, partial
 
 from skyarm.dynamics.actuators import AllocationError, make_mixer
 from skyarm.plant.interface import require_gravity
+from skyarm.plant.joint_rate import joint_rate
 from skyarm.records.field_rules import rules
 from skyarm.records.files import PathLike, number
 from skyarm.records.immutable import positional
 from skyarm.records.notebook import notebook_html
+from skyarm.records.registry.shipped import SHIPPED
 from skyarm.scenario.scenario_file import is_scenario, load_scenario
 from skyarm.scenario.scenario_record import Scenario, with_words
 from skyarm.scenario.unlikely_numbers import (
@@ -37,14 +39,14 @@ from skyarm.studies.assess.pressing_flights import pressing_flights
 from skyarm.studies.assess.push_limits import push_limits
 from skyarm.studies.assess.survival_limits import QUESTION as CALM
 from skyarm.studies.assess.survival_limits import flight_together, survival_limits
-from skyarm.studies.assess.thrust import largest_payload, largest_side_force, thrust_margin, torque_authority
+from skyarm.studies.assess.thrust import OWN_LAW, largest_payload, largest_side_force, thrust_margin, torque_authority
 from skyarm.studies.stability.hover_delay import hover_delay_if_known, hover_digest
-from skyarm.vehicle import Vehicle
+from skyarm.vehicle import Vehicle, VehicleError
 from skyarm.vehicle.vehicle_files import load_vehicle
 from skyarm.view.pages import Facts
 from skyarm.world.payload import Payload
 
-QUESTION = "delay margin"
+QUESTION, REFUSED = "delay margin", "simulation"
 
 
 def delay_margin(scenario: Scenario) -> list[Finding]:
@@ -222,7 +224,10 @@ def assess_scenario(scenario: Scenario, *, payload: float = 0.0, poses: int = PO
         except AllocationError:  # said by the vehicle's own findings
             along = []
         aloft = aloft_for(about.vehicle, about.gravity, scenario.duration)
-        findings = causes_first([*about.findings, *warnings_of_scenario(one), *aloft, *along])
+        found = about.findings
+        if one.agent.controller.name not in SHIPPED["law"]:  # which may turn rotors backwards
+            found = tuple(replace(each, level=WARNING) if each.remedy == OWN_LAW else each for each in found)
+        findings = causes_first([*found, *warnings_of_scenario(one), *aloft, *along])
         if worst_level(findings) != FAULT:  # what cannot fly has no loop to ask about
             # by itself: others are not there, and a body that turns freely in a grasp would count as unstable
             hovering = with_words(one, world=None) if bodies or one.others else one
@@ -243,7 +248,7 @@ def assess_scenario(scenario: Scenario, *, payload: float = 0.0, poses: int = PO
 def _vehicle_findings(poses: ArmPoses, payload: float, file: str) -> list[Finding]:
     """Results of all checks of a vehicle; without rotors a fault replaces those of thrust."""
     vehicle, gravity = poses.vehicle, poses.gravity
-    findings = [*units_of_vehicle(vehicle), *disc_loading(vehicle, gravity)]
+    findings = [*units_of_vehicle(vehicle), *_refused_by_plant(vehicle), *disc_loading(vehicle, gravity)]
     if vehicle.rotors:
         findings += rotor_layout(vehicle, gravity)
     else:
@@ -260,6 +265,15 @@ def _vehicle_findings(poses: ArmPoses, payload: float, file: str) -> list[Findin
         findings += [*largest_payload(poses, payload), *largest_side_force(vehicle, gravity, payload)]
     endurance = [each for loaded in loads for each in time_aloft(loaded.vehicle, gravity, loaded.held)]
     return [*findings, *arm_workspace(poses), *endurance]
+
+
+def _refused_by_plant(vehicle: Vehicle) -> list[Finding]:
+    """Fault of a vehicle whose joints are too stiff for every plant, which refuses it."""
+    try:
+        joint_rate(vehicle)
+    except VehicleError as error:
+        return [replace(finding_of_line(str(error), REFUSED, FAULT), remedy=str(error).rpartition("; ")[2])]
+    return []
 
 
 def _no_rotors(vehicle: Vehicle, file: str) -> Finding:

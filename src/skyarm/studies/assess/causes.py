@@ -15,17 +15,19 @@ MASS = r"^units (plant\.)?((base|links)\S*\.)?mass:|^weight on the rotors' discs
 LOADS = rf"{MASS}|^units (plant\.)?(base|links)\S*\.(com|position):"
 ARM = r"^units (plant\.)?links\S*\.(mass|com|position):|^weight on the rotors' discs links"
 ROTORS = r"^units (plant\.)?rotors\S*\.(position|max_speed|thrust_\w+|moment_coefficient):"
-LIFT = rf"{LOADS}|{ROTORS}|^thrust coefficient"
+AXES = "^axes of the rotors"
+LIFT = rf"{LOADS}|{ROTORS}|^thrust coefficient|{AXES}"
 THRUST = rf"{LIFT}|^senses of rotation|^balance of the rotors"
 INERTIA = r"^units (plant\.)?(base|links)\S*\.inertia:"
 
 FOLLOWS = {
     r"^units (plant\.)?base\.inertia": r"^weight on the rotors' discs base",
     r"^units (plant\.)?rotors\.max_speed": rf"{MASS}|^thrust coefficient",
+    r"^units (plant\.)?rotors\.axis|^senses of rotation": AXES,
     r"^units (plant\.)?mass": r"^weight on the rotors' discs",
     r"^weight on the rotors": r"^units (plant\.)?((base|links)\S*\.mass|rotors\S*\.position):",
     r"^(thrust|moment) coefficient": r"^units (plant\.)?rotors\S*\.(position|moment_coefficient):",
-    r"^balance of the rotors": rf"{LOADS}|{ROTORS}|^senses of rotation",
+    r"^balance of the rotors": rf"{LOADS}|{ROTORS}|^senses of rotation|{AXES}",
     r"^balance of the rotors with": r"^thrust margin with .*: cannot lift",
     r"^thrust margin .*cannot lift": LIFT,
     r"^thrust margin (?!.*cannot lift)": THRUST,

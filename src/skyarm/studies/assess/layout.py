@@ -88,17 +88,17 @@ def rotor_layout(vehicle: Vehicle, gravity: float) -> list[Finding]:
 
 
 def _axes(vehicle: Vehicle) -> list[Finding]:
-    """Check results for rotors whose positive thrust points down: faults, but of those that also turn backwards."""
+    """Faults for rotors that turn one way and whose thrust points down."""
     findings = []
     for rotor in vehicle.rotors:
         up, name = float(rotor.axis.z), f"rotors[{rotor.name}].axis"
-        if up < 0.0:
-            level, text = FAULT, f"the thrust of {rotor.name} points down (z of its axis: {up:.3g})"
-            remedy = f"turn {name} round: it is that of positive thrust; or reversible = true if it turns both ways"
-            if rotor.reversible:
-                level, text = WARNING, f"{rotor.name} lifts by turning backwards"
-                remedy = "a law of your own: the shipped ones turn no rotor backwards"
-            findings.append(Finding("axes of the rotors", level, text, name, remedy, up, 0.0))
+        if up < 0.0 and not rotor.reversible:
+            text = f"the thrust of {rotor.name} points down (z of its axis: {up:.3g})"
+            remedy = (
+                f"turn {name} round: it is that of positive thrust; or reversible = true if it turns both ways, "
+                "and a law of your own: the shipped ones turn no rotor backwards"
+            )
+            findings.append(Finding("axes of the rotors", FAULT, text, name, remedy, up, 0.0))
     return findings
 
 

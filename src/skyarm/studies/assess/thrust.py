@@ -22,12 +22,16 @@ LEAST_SHARE = 0.05
 """Least thrust of the slowest rotor over the mean; below it a small torque stops that rotor."""
 
 
+OWN_LAW = "a scenario with a law of your own: the shipped ones turn no rotor backwards"
+"""Remedy of a vehicle whose hover turns rotors backwards, and mark of its finding."""
+
+
 def thrust_margin(poses: ArmPoses) -> list[Finding]:
     """Check results for thrust: margin of the most loaded rotor and load of the least loaded one, worst arm pose."""
 
     def quantities(joints: Array) -> Array:
-        squared = poses.allocation.sizes(poses.squared_speeds(joints))
-        busiest = np.max(squared / poses.allocation.highest[:, None], axis=0)
+        squared = poses.squared_speeds(joints)
+        busiest = np.max(poses.allocation.sizes(squared) / poses.allocation.highest[:, None], axis=0)
         idlest = np.min(squared, axis=0) / np.mean(np.abs(squared), axis=0)
         return np.stack([-busiest, idlest])
 
@@ -38,6 +42,11 @@ def thrust_margin(poses: ArmPoses) -> list[Finding]:
         text = f"a rotor would have to pull down: {text}; the centre of mass lies too far from the rotors' middle"
     field = "base.com, links.com" if poses.vehicle.n else "base.com"
     remedy = f"move mass towards the rotors' middle ({field}; m, not mm?)"
+    squared = poses.squared_speeds(at[1][None])[:, 0]
+    backwards = [rotor for rotor, square in zip(poses.vehicle.rotors, squared, strict=True) if square < 0.0]
+    if share < 0.0 and all(rotor.reversible for rotor in backwards):
+        text = f"no shipped law flies it: hover turns {', '.join(rotor.name for rotor in backwards)} backwards"
+        field, remedy = "rotors.reversible", OWN_LAW
     words = (f"balance of the rotors{poses.held}", share, text, field, remedy)
     return [
         _margin(poses, -float(busiest), at[0]),
