@@ -126,6 +126,8 @@ def test_damping_is_doubted_beyond_the_harmless_and_up_to_the_sure():
         found = doubted_dampings(vehicle, (0, FREE[1]), DT)
         assert found == pytest.approx((0.0, doubted * unit), abs=1e-12 * unit)
         assert doubted_dampings(vehicle, (0, 0), DT) == (0.0, 0.0)
+    # numbers of few bits: sure from 5 to the bit on
+    assert doubted_dampings(with_friction((4.9375, 0.0), (5.0, 0.0)), (1.0, 1.0), 1.0) == (4.9375 - 0.1, 0.0)
 
 
 def law(damping, **more):

@@ -8,7 +8,7 @@ import pytest
 import skyarm
 from skyarm.algebra import Quaternion, Vec3
 from skyarm.algebra.scalars.taylor import Taylor
-from skyarm.control.laws.centroidal.demands import within_limits
+from skyarm.control.laws.centroidal.demands import brake_at_limit, within_limits
 from skyarm.control.laws.centroidal.make import ends_of, make_centroidal
 from skyarm.control.laws.centroidal.parameters import brace_joints
 from skyarm.control.laws.centroidal.tip_tasks import plan_weight
@@ -133,6 +133,19 @@ def test_a_joint_at_its_limit_loses_its_rate_by_six_of_its_poles_at_most(side):
     rests, back = (side * bounded(vehicle, side * 1.01, side * rate, side, side * 1e3) for rate in (0.0, -0.5))
     assert rests == pytest.approx(-900.0 * 0.01)
     assert back == pytest.approx(-900.0 * 0.01 + 60.0 * 0.5)
+
+
+def test_a_joint_as_fast_as_its_pole_allows_is_not_braked():
+    """At d' = -k d the barrier itself stops it at the limit; above it is braked by d'^2 / d."""
+    way, pole = 0.5, 4.0
+    assert [brake_at_limit(7.0, way, speed, pole) for speed in (2.0, 2.5)] == [7.0, -(2.5**2) / way]
+
+
+def test_the_way_to_a_limit_counts_as_a_nanometre_at_least():
+    """Beyond the limit a pole of 1e9 rad/s brakes what is faster than 1 m/s."""
+    for way in (1e-9, 0.0, -1.0):
+        slow, fast = (brake_at_limit(7.0, way, speed, 1e9) for speed in (0.995, 1.005))
+        assert (slow, fast) == (7.0, pytest.approx(-(1.005**2) * 1e9))
 
 
 @pytest.mark.parametrize("arm", [(900.0, 0.0), (900.0, 20.0)])

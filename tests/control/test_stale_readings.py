@@ -77,12 +77,23 @@ def test_opposite_motions_from_zero_are_new():
         before = now
 
 
+def test_numbers_weigh_by_powers_of_the_golden_ratio():
+    """Each as the two after it together; the second as (sqrt 5 - 1) / 2 of the first."""
+    for numbers, whole in (((1.0, -1.0, -1.0), 0.0), ((0.0, 2.0, 0.0), np.sqrt(5.0) - 1.0)):
+        found = ReadingSums.of(dataclasses.replace(drawn(3), position=Vec3(*numbers)))
+        assert found.position == pytest.approx(whole, abs=1e-15)
+
+
 def test_a_vehicle_at_rest_repeats_its_readings_rightly():
     rest = dataclasses.replace(drawn(4), velocity=ZERO3, rate=ZERO3, joint_rates=(0.0, 0.0))
     # the accelerometer too: about a state of equilibrium a loop is linearised with it
     assert fresh(rest, rest) == {*NAMES}
     turning = dataclasses.replace(rest, rate=drawn(4).rate)
     assert "specific_force" not in fresh(turning, turning)
+    # up to a nanometre a second they rest
+    for speed, stopped in ((0.999e-9, set()), (1.001e-9, {"position", "velocity"})):
+        slow = dataclasses.replace(rest, velocity=Vec3(speed, 0.0, 0.0))
+        assert fresh(slow, slow) == {*NAMES} - stopped
 
 
 @pytest.mark.parametrize("name", sorted(RATES))
@@ -116,6 +127,7 @@ def underway(measured):
 def test_the_first_measurement_is_remembered_and_repeats_from_the_second_on():
     start = drawn(6)
     begun = underway(start)
+    assert list(first_observed(2, COMMAND.rotor_speeds).quaternion) == [1.0, 0.0, 0.0, 0.0]
     assert begun.readings == ReadingSums.of(start)
     assert list(begun.integrated) == list(start.velocity)
     assert seen(begun, drawn(7))[0].readings == ReadingSums.of(drawn(7))
