@@ -8,7 +8,7 @@ import pytest
 import skyarm
 from skyarm.algebra import Quaternion, Vec3
 from skyarm.algebra.scalars.taylor import Taylor
-from skyarm.control.laws.centroidal.demands import brake_at_limit, within_limits
+from skyarm.control.laws.centroidal.demands import brake_at_limit, towards, within_limits
 from skyarm.control.laws.centroidal.make import ends_of, make_centroidal
 from skyarm.control.laws.centroidal.parameters import brace_joints
 from skyarm.control.laws.centroidal.tip_tasks import plan_weight
@@ -133,6 +133,12 @@ def test_a_joint_at_its_limit_loses_its_rate_by_six_of_its_poles_at_most(side):
     rests, back = (side * bounded(vehicle, side * 1.01, side * rate, side, side * 1e3) for rate in (0.0, -0.5))
     assert rests == pytest.approx(-900.0 * 0.01)
     assert back == pytest.approx(-900.0 * 0.01 + 60.0 * 0.5)
+
+
+def test_the_barrier_moves_with_its_share_of_the_references_motion():
+    """k^2 (q + s (l - q)) + (1 - s) (q'' + 2 k q'), with numbers of few bits."""
+    reference = Taylor.of_derivatives((0.5, 1.0, 2.0))
+    assert towards(1.5, reference, 0.25, 4.0) == 16.0 * 0.75 + 0.75 * (2.0 + 8.0)
 
 
 def test_a_joint_as_fast_as_its_pole_allows_is_not_braked():
