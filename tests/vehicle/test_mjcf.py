@@ -257,6 +257,13 @@ def test_a_range_without_end_is_mujocos_own_and_nan_in_an_included_file_is_refus
         load_vehicle(path)
 
 
+def test_a_floor_without_end_beside_the_vehicle_loads(tmp_path):
+    floor = '<worldbody><geom type="plane" size="inf inf 1"/>'
+    text = WHOLE.replace("<worldbody>", floor)
+    assert mujoco.MjModel.from_xml_string(text).nbody == 3
+    assert load_vehicle(saved(tmp_path, text)).n == 1
+
+
 def test_an_arm_fixed_to_its_world_is_attached(tmp_path):
     saved(tmp_path, f'<mujoco model="a"><worldbody>{arm()}</worldbody></mujoco>', "arm.xml")
     text = 'schema = 1\nname = "v"\nairframe = "hummingbird"\n[[attach]]\narm = "arm.xml"\nposition = [0.1, 0.0, 0.0]\n'

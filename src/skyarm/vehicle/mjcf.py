@@ -106,13 +106,13 @@ NUMBERS = (
 
 
 def _require_finite(root: ET.Element) -> None:
-    """Raise an error for a number that is not finite; a range may have no end."""
+    """Raise an error for a number that is not finite; a range may have no end, nor a floor."""
     for parent in root.iter():
         for element in parent:
             field = f"{element.tag}[{element.get('name') or parent.get('name', '')}]"
             for word in NUMBERS.split():
                 for text in element.get(word, "").split():
-                    finite(text, f"{field}.{word}", infinite=word.endswith("range"))
+                    finite(text, f"{field}.{word}", infinite=word.endswith("range") or element.get("type") == "plane")
 
 
 def _compile(path: Path, notes: Notes) -> MjModel:
