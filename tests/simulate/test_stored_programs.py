@@ -65,6 +65,16 @@ def test_a_program_flown_again_is_compiled_at_full_effort_behind_the_command(mon
     assert len(texts) == 1
 
 
+def test_the_second_flight_of_a_team_that_carries_is_worth_its_optimisation(monkeypatch):
+    texts = []
+    monkeypatch.setattr(stored_programs, "_repeated", texts)
+    scenario = skyarm.load_scenario("two_carry_a_bar")
+    assert EpisodeCode(scenario, commands=False).program.assembly.effort == 0
+    assert texts == []
+    EpisodeCode(scenario, commands=False)
+    assert len(texts) == 1
+
+
 def test_a_flight_in_which_a_number_changes_has_the_same_bits_and_its_scheduled_end(monkeypatch):
     changed = replace(flight(), changes=(skyarm.Change(at=0.1, path="plant.gravity", value=12.0),))
     monkeypatch.setattr(own_sources, "_begun", [])

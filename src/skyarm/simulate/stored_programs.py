@@ -75,8 +75,9 @@ def load_program(name: str) -> FlightProgram | None:
     return program
 
 
-REPEATS = 10
-"""Number of repetitions in which a command may save what full optimisation of its program takes."""
+REPEATS = 30
+"""Number of repetitions in which a command may save what full optimisation of its program takes. Nobody waits for it,
+and it has the lowest priority: with 10, no flight of two vehicles that carry a bar was ever optimised."""
 
 _repeated, _fleets = list[str](), list[str]()
 
