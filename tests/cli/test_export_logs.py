@@ -60,6 +60,8 @@ def test_a_bag_counts_from_the_epoch_that_is_asked_for_and_has_a_clock(folder):
     ("words", "line"),
     [
         (("flight.npz",), "--to: is missing; must be one of npz, csv, mcap, c, mjcf"),
+        (("hummingbird", "-o", "x.xml"), "--to: is missing; must be one of npz, csv, mcap, c, mjcf"),
+        (("my/vehicle.toml", "-o", "x.xml"), "--to: is missing; must be one of npz, csv, mcap, c, mjcf"),
         (("flight.npz", "--to", "xls"), "--to = 'xls': must be one of"),
         (("flight.npz", "--to", "mcpa"), "--to = 'mcpa': did you mean 'mcap'?"),
         (("flight.npz", "--to", "mcap", "-o", "a.npz"), "--out = 'a.npz': must end in .mcap, as --to = 'mcap'"),

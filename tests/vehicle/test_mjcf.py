@@ -197,7 +197,7 @@ REFUSED = {
         f"<mujoco><worldbody>{arm()}</worldbody></mujoco>",
         "base.mass = 0.0: must be greater than 0; its root 'world' weighs nothing",
     ),
-    "not mjcf": ("<robot/>", "root element = 'robot': must be <mujoco>"),
+    "not mjcf": ("<robot/>", "root element = 'robot': must be <mujoco>; the name of a file with <robot> ends in .urdf"),
     "not xml": ("<mujoco>\n<body></mujoco>", "must be well-formed"),
     "unknown element": (model("<wheel/>"), "MJCF = "),
 }

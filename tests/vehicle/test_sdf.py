@@ -312,6 +312,8 @@ def test_what_is_not_read_is_noted_and_a_polynomial_is_no_thrust_coefficient(tmp
     ("name", "words"),
     [
         ("iris.sdf.jinja", "pip install jinja2-cli; jinja2 iris.sdf.jinja -o iris.sdf"),
+        ("my models/iris.sdf.jinja", "jinja2 'my models/iris.sdf.jinja' -o 'my models/iris.sdf'"),
+        ("nothere.ulg", "vehicle = 'nothere.ulg': there is no such file; must be one of"),
         ("drone.usda", "nvidia-srl-usd-to-urdf"),
     ],
 )

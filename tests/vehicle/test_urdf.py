@@ -342,6 +342,7 @@ REFUSED = {
         "joint.name = 'j': stands twice",
     ),
     "no root element": ("<model/>", "root element = 'model': must be <robot>"),
+    "of SDF": ("<sdf/>", "root element = 'sdf': must be <robot>; the name of a file with <sdf> ends in .sdf"),
     "no link": ("<robot/>", "robot = 'no <link>': must have at least one link"),
     "not xml": ("<robot>\n<link>\n</robot>", "line 3"),
     "xacro": ('<robot xmlns:xacro="http://x/xacro"><xacro:arm/></robot>', "expand xacro first"),

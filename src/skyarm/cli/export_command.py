@@ -39,7 +39,7 @@ from skyarm.scenario.scenario_record import HIGHEST_RATE, first_state
 from skyarm.sensing.sensor_kinds import ImuReading, mount_rotation, reads
 from skyarm.vehicle import BASE, Frame
 from skyarm.vehicle.robot_text import actuator_names
-from skyarm.vehicle.vehicle_files import load_vehicle
+from skyarm.vehicle.vehicle_files import RIGID, list_vehicles, load_vehicle
 
 RATE, SLOWEST = 200.0, 1e-3
 """Default control rate (Hz) of an exported law, that of scenarios, and lowest plausible one."""
@@ -123,7 +123,7 @@ def export(
 def _log(flight: str, to: str | None, file: str | None, epoch: float | None, vehicle: str | None) -> None:
     formats = names("log_format")
     allowed = (*formats, "c", *names("vehicle_format"))
-    if to is None and file is None:
+    if to is None and (file is None or Path(flight).suffix in (".toml", *RIGID) or flight in list_vehicles()):
         raise ValueError(f"--to: is missing; {must_be_one_of(allowed, None)}")
     if to is not None and to not in formats:
         raise ValueError(f"--to = {shown(to)}: {must_be_one_of(allowed, to)}")

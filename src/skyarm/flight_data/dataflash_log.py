@@ -99,7 +99,9 @@ def read_dataflash(path: Path, columns: Columns | None) -> FlightData:
     tables = dict(_tables(rows))
     if not tables:
         old = "PX4 before 2017 (.px4log): log as .ulg" if "TIME" in rows else "ArduPilot before 2014: log anew"
-        raise ValueError(f"messages: have no times (TimeUS or TimeMS), as those of {old}, with a newer version")
+        raise ValueError(
+            f"messages: have no times (TimeUS or TimeMS), as those of {old}, with a newer version; or it is cut off"
+        )
     numbers = rows.get("PARM", {}).get("Value", np.zeros(0)).astype(float)
     values = dict(zip(_texts(rows, "PARM", "Name"), numbers.tolist(), strict=False))
     firmware = next(iter(_texts(rows, "MSG", "Message")), "unknown")

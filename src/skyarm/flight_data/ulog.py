@@ -85,7 +85,7 @@ def read_ulog(path: Path, columns: Columns | None) -> FlightData:
         for each in log.data_list
     }
     if not tables:
-        raise ValueError("file: holds no topic with numbers")
+        raise ValueError("file: holds no topic with numbers; nothing was logged, or it is cut off")
     parameters = {name: float(value) for name, value in log.initial_parameters.items()}
     notes = _losses(whole, [each.duration for each in log.dropouts])
     usual: dict[str, Sequence[QuantitySource]] = dict(usual_signals(SOURCES["px4"]))

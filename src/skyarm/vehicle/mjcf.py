@@ -26,7 +26,7 @@ from skyarm.vehicle.mjcf_actuators import AT_JOINT, effort_of, name_of, read_dri
 from skyarm.vehicle.rotor_sources.mujoco_thrust import SITE, MujocoVehicle
 from skyarm.vehicle.stated_rotors import RotorFile, rotors_in
 from skyarm.vehicle.vehicle_records import Frame
-from skyarm.vehicle.xml_elements import finite, read_xml
+from skyarm.vehicle.xml_elements import finite, read_xml, require_root
 
 if TYPE_CHECKING:
     from mujoco import MjData, MjModel
@@ -118,8 +118,7 @@ def _require_finite(root: ET.Element) -> None:
 def _compile(path: Path, notes: Notes) -> MjModel:
     """Compile an MJCF file to MuJoCo's model; an error is shortened to one line, NaN in included files is refused."""
     root = read_xml(path, notes.add)
-    if root.tag != "mujoco":
-        refuse("root element", root.tag, "must be <mujoco>; a URDF file's name ends in .urdf")
+    require_root(root, "mujoco")
     _require_finite(root)
     import mujoco
 

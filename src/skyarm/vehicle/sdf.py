@@ -25,7 +25,7 @@ from skyarm.vehicle.check import VehicleError, refuse
 from skyarm.vehicle.rotor_sources.own_files import OWN
 from skyarm.vehicle.urdf import UNLIMITED, read_robot
 from skyarm.vehicle.vehicle_records import Frame
-from skyarm.vehicle.xml_elements import finite, numbers_of, read_xml, text_of
+from skyarm.vehicle.xml_elements import finite, numbers_of, read_xml, require_root, text_of
 
 VERSIONS = tuple(f"1.{minor}" for minor in range(4, 13))
 
@@ -110,8 +110,9 @@ def _vehicle(path: Path, base: str, notes: Notes) -> tuple[ET.Element, _Scope]:
 def _document(path: Path, note: Callable[[str], None]) -> tuple[ET.Element, _Scope]:
     """Root element of an SDF file, and the scope of its names."""
     sdf = read_xml(path, note)
+    require_root(sdf, "sdf")
     version = sdf.get("version", "(missing)")
-    if sdf.tag != "sdf" or version not in VERSIONS:
+    if version not in VERSIONS:
         refuse("root element", f"{sdf.tag} version {version}", "must be <sdf> of version 1.4 to 1.12")
     return sdf, _Scope(path, VERSIONS.index(version) + 4, note)
 

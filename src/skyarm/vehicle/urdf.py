@@ -40,7 +40,7 @@ from skyarm.vehicle.stated_rotors import RotorFile, rotors_in
 from skyarm.vehicle.vehicle_records import Look, Vehicle
 from skyarm.vehicle.vehicle_tables import vehicle_from
 from skyarm.vehicle.xacro_files import expand_xacro
-from skyarm.vehicle.xml_elements import child, number, numbers, numbers_of, parse_xml, required_numbers
+from skyarm.vehicle.xml_elements import child, number, numbers, numbers_of, parse_xml, require_root, required_numbers
 
 READ = ("link", "joint", "material", "plugin", OWN)
 """Elements of a robot that are read, or concern only its appearance."""
@@ -72,8 +72,7 @@ def read_urdf(path: PathLike, mimic: str = "lock", xacro: Mapping[str, str] = Ma
     """
     file, notes = Path(path), Notes()
     robot = parse_xml(expand_xacro(file, xacro) if file.suffix == ".xacro" else file.read_bytes(), notes.add)
-    if robot.tag != "robot":
-        refuse("root element", robot.tag, "must be <robot>")
+    require_root(robot, "robot")
     for element in robot:
         if "loop" in str(element.tag):
             refuse(f"<{element.tag}>", element.get("name", ""), "closed chains are not supported")

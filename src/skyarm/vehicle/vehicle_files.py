@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 import sys
 from collections.abc import Callable, Collection, Mapping
 from functools import cache, partial
@@ -60,10 +61,12 @@ def load_vehicle(name_or_path: PathLike) -> Vehicle:
         beside = f'its rotors stand beside bodies in a vehicle file: urdf = "BODIES.urdf", [rotor_file] file = "{text}"'
         raise VehicleError(f"vehicle = {shown(text)}: has no bodies; {beside}")
     if path.suffix in FOREIGN:
-        raise VehicleError(f"vehicle = {shown(text)}: {FOREIGN[path.suffix].format(path.name, path.stem)}")
+        made = FOREIGN[path.suffix].format(shlex.quote(text), shlex.quote(text.removesuffix(path.suffix)))
+        raise VehicleError(f"vehicle = {shown(text)}: {made}")
     if path.suffix not in (".toml", *RIGID):
         allowed = f"{must_be_one_of(list_vehicles(), text)}, or the path of a .toml, .urdf, .sdf or .xml (MJCF) file"
-        raise VehicleError(f"vehicle = {shown(text)}: {allowed}")
+        missing = "there is no such file; " if path.suffix and not path.exists() else ""
+        raise VehicleError(f"vehicle = {shown(text)}: {missing}{allowed}")
     reason = unreadable(path)
     if reason:
         raise VehicleError(f"vehicle = {shown(text)}: {reason}; shipped vehicles are {shipped}")

@@ -57,6 +57,17 @@ def parse_xml(text: bytes, note: Callable[[str], None] = _refuse) -> ET.Element:
     return tree.close()
 
 
+SUFFIXES = {"robot": ".urdf", "sdf": ".sdf", "mujoco": ".xml"}
+"""Root element of a file with bodies -> suffix of its name, by which its reader is chosen."""
+
+
+def require_root(root: ET.Element, tag: str) -> None:
+    """Refuse an XML file of another root element; if it is one that is read, its suffix is named."""
+    if root.tag != tag:
+        cure = f"; the name of a file with <{root.tag}> ends in {SUFFIXES[root.tag]}" if root.tag in SUFFIXES else ""
+        refuse("root element", root.tag, f"must be <{tag}>{cure}")
+
+
 def _refuse_doctype(*_: object) -> None:
     _refuse("document types and entities are not read")
 
