@@ -7,8 +7,10 @@ import re
 from functools import partial
 from pathlib import Path
 
+import numpy as np
 import pytest
 
+from skyarm.flight_data.flight_data import Channel, FlightData
 from skyarm.studies.identify import flight_page, identify_windows
 from skyarm.studies.identify.window_fit import fit_windows
 from skyarm.vehicle.vehicle_text import vehicle_text
@@ -118,3 +120,18 @@ def test_the_channels_are_drawn_into_a_file():
     assert Path("channels.png").read_bytes().startswith(b"\x89PNG")
     refused(skyarm("show", str(TREFOIL_LOG), "-o", "channels.csv"), "--out", "suffix 'csv'", "png")
     refused(skyarm("show", str(TREFOIL_LOG), "-o", "a.png", "--vehicle", "crazyflie.toml"), "--vehicle", "beside --out")
+
+
+def test_three_rotors_are_no_axes_and_joints_have_their_names():
+    channels = {
+        name: Channel(time=np.arange(2.0), values=np.zeros((2, count)), source="", names=own)
+        for name, count, own in (
+            ("gyro", 3, ()),
+            ("quaternion", 4, ()),
+            ("rotor_commands", 3, ()),
+            ("joint_positions", 2, ("shoulder", "elbow")),
+        )
+    }
+    flight = FlightData(name="a", file="a.csv", channels=channels)
+    found = [flight_page._columns(name, flight) for name in channels]
+    assert found == [("x", "y", "z"), ("w", "x", "y", "z"), ("1", "2", "3"), ("shoulder", "elbow")]

@@ -140,13 +140,25 @@ def flight_sheet(facts: Facts) -> Iterator[Line]:
     yield "\n".join(map(printable, lines))
 
 
+AXES = {3: "xyz", 4: "wxyz"}
+"""Number of columns of a channel of vectors or quaternions -> their names."""
+
+
+def _columns(name: str, flight: FlightData) -> tuple[str, ...]:
+    """Names of the columns of a channel: joints, axes, or numbers from 1 on."""
+    count = flight[name].values.shape[1]
+    return flight[name].names or tuple(AXES.get(QUANTITIES[name].width, map(str, range(1, count + 1))))
+
+
 def _draw(flight: FlightData, file: str) -> None:
     """Write a picture of the channels of a flight to a file."""
     from skyarm.view.figures.channels_figure import channels_figure
     from skyarm.view.figures.style import save_picture
 
     target = picture_file(file, "--out")
-    every = {name: (QUANTITIES[name].unit, flight[name].time, flight[name].values) for name in flight}
+    every = {
+        name: (QUANTITIES[name].unit, _columns(name, flight), flight[name].time, flight[name].values) for name in flight
+    }
     give(drawing=save_picture(channels_figure(every), target))
     tell(f"drawing: {target}")
 
