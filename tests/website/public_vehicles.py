@@ -121,7 +121,7 @@ def drawing(vehicles: dict[str, Vehicle]) -> str:
     """Picture as wide as a telephone, two vehicles in a row."""
     rows = -(-len(vehicles) // ACROSS)
     parts = [
-        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {WIDTH} {HIGH * rows:g}" width="{WIDTH}" '
+        f'<svg xmlns="http://www.w3.org/2000/svg" class="narrow" viewBox="0 0 {WIDTH} {HIGH * rows:g}" width="{WIDTH}" '
         f'height="{HIGH * rows:g}" font-family="sans-serif" stroke="currentColor" stroke-width="0.5">',
         STYLE,
         f"<title>{TITLE}</title>",
