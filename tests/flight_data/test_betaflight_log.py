@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
+import re
 import shutil
 import subprocess
 import sys
@@ -149,7 +150,18 @@ class TestWithTheDecoder:
     def test_of_several_logs_in_a_file_the_longest_is_read(self, tmp_path: Path) -> None:
         found = read(tmp_path, log(rows(4, 1000)) + log(rows(60)) + log(rows(5, 1000)))
         assert found["gyro"].time.size == 60
-        assert found.notes == ("file: holds 3 logs; the longest is read.",)
+        (note,) = found.notes
+        assert re.match(r"file: holds flights of \d+ bytes, .*; the longest is read, #2; write FILE#1 ", note)
+
+    def test_any_log_of_a_file_is_read_by_its_number(self, tmp_path: Path) -> None:
+        counts = (40, 60, 25)
+        read(tmp_path, b"".join(log(rows(count)) for count in counts))
+        for number, count in enumerate(counts, 1):
+            found = load_flight(tmp_path / f"flight.bbl#{number}")
+            assert (found.name, found["gyro"].time.size, found.notes) == (f"flight#{number}", count, ())
+            assert [name for name in found.facts if name.startswith("flight #")] == [f"flight #{k}" for k in (1, 2, 3)]
+        with pytest.raises(ValueError, match=r"flight\.bbl#4': flight #4: must be 1 to 3, the flights of this file$"):
+            load_flight(tmp_path / "flight.bbl#4")
 
     def test_a_log_of_inav_is_refused_with_what_to_do(self, tmp_path: Path) -> None:
         with pytest.raises(ValueError, match=r"firmware: is INAV; decode its log by its own blackbox_decode to \.csv"):

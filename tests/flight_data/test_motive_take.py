@@ -71,7 +71,10 @@ def test_of_several_bodies_the_first_is_read_or_that_of_a_mapping(
     text = take({"quad": motion[0], "box": Rotation.identity(50)}, motion[1])
     found = read(tmp_path, text)
     assert found.facts["vehicle"] == "quad"
-    assert found.notes == ("bodies: quad, box: the first is read; a columns.toml may map another.",)
+    assert found.notes == ("file: holds flights of quad, box; the first is read, #1; write FILE#1 for the first.",)
+    second = load_flight(f"{tmp_path}/take.csv#2")
+    assert (second.facts["vehicle"], second.notes) == ("box", ())
+    np.testing.assert_allclose(second["quaternion"].values, [[1, 0, 0, 0]] * 50, atol=1e-9)
     names = [f"box: Rotation {each}" for each in "WXYZ"]
     other = load_flight(tmp_path / "take.csv", columns_from({"quaternion": {"columns": names}}))
     np.testing.assert_allclose(other["quaternion"].values, [[1, 0, 0, 0]] * 50, atol=1e-9)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import Annotated
 
@@ -116,7 +117,7 @@ def _show_words() -> None:
 
 def _is_flight(name: str) -> bool:
     """True for the path of a file or folder that is not a vehicle model."""
-    path = Path(name)
+    path = Path(re.sub(r"#\d+$", "", name))  # of FILE#2, the second flight of a file
     if not name or path.suffix in (".toml", *ROTORS_ALONE, *RIGID, *FOREIGN) or name in list_vehicles():
         return False
     return path.is_file() or path.is_dir()

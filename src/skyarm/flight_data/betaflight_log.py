@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from skyarm.flight_data.columns_file import Columns, QuantitySource
-from skyarm.flight_data.flight_data import FlightData, FlightFormat
+from skyarm.flight_data.flight_data import FlightData, FlightFormat, choose_log
 from skyarm.flight_data.raw_tables import RawTable, flight_of
 from skyarm.records.files import needs_extra
 
@@ -32,7 +32,7 @@ CENTIVOLTS = 100
 
 
 def read_betaflight(path: Path, columns: Columns | None) -> FlightData:
-    """Read a blackbox log of Betaflight; of several in a file, the longest.
+    """Read a blackbox log of Betaflight; of several in a file that of the mapping's number, else the longest.
 
     Raises:
         ValueError: one line: the decoder is missing, or it is no such file. OSError: it cannot be read.
@@ -43,9 +43,11 @@ def read_betaflight(path: Path, columns: Columns | None) -> FlightData:
     except ImportError:
         cure = f"{needs_extra('blackbox')}; or decode it by blackbox_decode to .csv, with a columns.toml"
         raise ValueError(f"betaflight-chirp-core: is missing; a log of Betaflight {cure}") from None
-    logs = split_sessions(data)
-    notes = [f"file: holds {len(logs)} logs; the longest is read."] if len(logs) > 1 else []
-    log = FlightLogParser(data, *max(logs, key=lambda each: each[1] - each[0], default=(0, len(data))))
+    notes = list[str]()
+    logs = split_sessions(data) or [(0, len(data))]
+    sizes = [end - begin for begin, end in logs]
+    place, listed = choose_log([f"{each} bytes" for each in sizes], columns, sizes.index(max(sizes)), notes, "longest")
+    log = FlightLogParser(data, *logs[place])
     try:
         log.parse_header()
         log.parse_data()
@@ -63,7 +65,7 @@ def read_betaflight(path: Path, columns: Columns | None) -> FlightData:
             f"file: {lost} of {lost + len(log.main_frames)} rows are damaged or follow damage; they are left out."
         )
     facts = {"vehicle": "Betaflight", "firmware": f"{head.get('Firmware revision', 'unknown')}"}
-    return flight_of(path, {"": table}, usual, columns, facts=facts, notes=notes)
+    return flight_of(path, {"": table}, usual, columns, facts={**facts, **listed}, notes=notes)
 
 
 def _sources(table: RawTable, head: dict[str, Any], notes: list[str]) -> dict[str, QuantitySource]:
@@ -92,4 +94,4 @@ def _entries(table: RawTable, name: str) -> tuple[str, ...]:
     return tuple(each for each in table.columns if each.startswith(f"{name}["))
 
 
-BETAFLIGHT = FlightFormat(read_betaflight, suffixes=("bbl", "bfl"), begins=(BEGINNING,))
+BETAFLIGHT = FlightFormat(read_betaflight, suffixes=("bbl", "bfl"), begins=(BEGINNING,), several=True)

@@ -105,12 +105,14 @@ class Columns:
         time: column of the time; the format's own if empty.
         time_unit: s, ms, us or ns.
         file: path that it was read from, for messages.
+        log: number of the flight to read, of a file that holds several, from 1 on; 0 for the usual one.
     """
 
     signals: Mapping[str, QuantitySource] = field(default_factory=dict)
     time: str = ""
     time_unit: str = "s"
     file: str = "columns"
+    log: int = 0
 
 
 def read_columns(path: PathLike) -> Columns:

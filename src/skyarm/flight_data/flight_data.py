@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterator, Mapping
+import re
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import field, replace
 from pathlib import Path
 from typing import Annotated
@@ -14,6 +15,7 @@ from skyarm.flight_data.columns_file import Columns, read_columns
 from skyarm.flight_data.quantities import GRAVITY, QUANTITIES
 from skyarm.records.arrays import Array, doubles
 from skyarm.records.files import PathLike, must_be_one_of, one_line, require_file, shown
+from skyarm.records.files.messages import comma_list
 from skyarm.records.immutable import immutable, positional
 from skyarm.records.registry import RegistryError, find, names
 from skyarm.records.registry.class_signatures import flight_format_mistake, refuse_mistake
@@ -164,12 +166,14 @@ class FlightFormat:
         suffixes: endings of its files, without dot.
         begins: first bytes of its files, of which any decides before a suffix does.
         mapped: its files define no quantities, so that ``columns.toml`` beside a file is read for it.
+        several: its files may hold several flights; ``read`` reads that of the number ``columns.log``, if it is not 0.
     """
 
     read: Callable[[Path, Columns | None], FlightData]
     suffixes: tuple[str, ...] = ()
     begins: tuple[bytes, ...] = ()
     mapped: bool = False
+    several: bool = False
 
 
 BAG_FOLDER = "db3"
@@ -178,12 +182,49 @@ BAG_FOLDER = "db3"
 COLUMNS_FILE = "columns.toml"
 """Name of the column mapping that is read if it lies next to a flight and no other is given."""
 
+PAUSE = 5.0
+"""Length (s) of a gap in all channels from which on it separates two flights of a file."""
+
+
+def split_path(path: PathLike) -> tuple[str, int]:
+    """Path of a file, and the number of the flight in it, of ``FILE#2``; 0 for a path without one."""
+    text = os.fspath(path)
+    match = None if os.path.exists(text) else re.fullmatch(r"(.+)#(\d+)", text, re.DOTALL)
+    return (match[1], int(match[2])) if match else (text, 0)
+
+
+def choose_log(
+    every: Sequence[str], columns: Columns | None, usual: int, notes: list[str], why: str
+) -> tuple[int, dict[str, str | float]]:
+    """Place of the flight to read among several of a file, and facts that list them.
+
+    Args:
+        every: description of each flight of the file.
+        columns: mapping of the user, with the number of the flight from 1 on; 0 for the usual one.
+        usual: place of the flight that is read if none is chosen.
+        notes: sentences about the file, extended here.
+        why: meaning of the usual flight, such as "longest".
+
+    Raises:
+        ValueError: one line: a number that no flight has.
+    """
+    number = columns.log if columns else 0
+    if number > max(1, len(every)):
+        raise ValueError(f"flight #{number}: must be 1 to {max(1, len(every))}, the flights of this file")
+    if len(every) < 2:
+        return 0, {}
+    place = number - 1 if number else usual
+    if not number:
+        listed = comma_list(every)
+        notes.append(f"file: holds flights of {listed}; the {why} is read, #{place + 1}; write FILE#1 for the first.")
+    return place, {f"flight #{k + 1}": words for k, words in enumerate(every)}
+
 
 def load_flight(path: PathLike, columns: PathLike | Columns | None = None, *, kind: str = "") -> FlightData:
     """Read a measured flight from a file.
 
     Args:
-        path: path of the file, or of the folder of a ROS 2 bag.
+        path: path of the file, or of the folder of a ROS 2 bag; ``FILE#2`` for the second flight of a file.
         columns: mapping from topics or columns to quantities, or the path of one, whose quantities replace those
             that the format itself defines; for a table of text ``columns.toml`` beside it if left out.
         kind: registered name of the format; by first bytes and suffix of the file if left out.
@@ -191,7 +232,8 @@ def load_flight(path: PathLike, columns: PathLike | Columns | None = None, *, ki
     Raises:
         ValueError: one line: no such file or format, a damaged file, or a mapping that does not fit.
     """
-    file, at = Path(path), f"flight = {shown(os.fspath(path))}"
+    (name, number), at = split_path(path), f"flight = {shown(os.fspath(path))}"
+    file = Path(name)
     if not os.path.isdir(file):
         require_file(file, at)
     named = kind or format_name(path)
@@ -200,11 +242,31 @@ def load_flight(path: PathLike, columns: PathLike | Columns | None = None, *, ki
         columns = beside
     mapping = columns if columns is None or isinstance(columns, Columns) else read_columns(columns)
     try:
-        return form.read(file, mapping)
+        flight = form.read(file, replace(mapping or Columns(), log=number) if number and form.several else mapping)
+        if not number:
+            return flight
+        if not form.several:
+            flight = _part(flight, number)
+        return replace(flight, name=f"{flight.name}#{number}", file=os.fspath(path))
     except OSError as error:
         raise ValueError(f"{at}: must be readable ({error.strerror or error})") from None
     except ValueError as error:
         raise ValueError(one_line(f"{at}: {error}")) from None
+
+
+def parts_of(flight: FlightData) -> list[tuple[float, float]]:
+    """Beginning and end (s) of each flight of a file, between pauses of all channels."""
+    time = np.unique(np.concatenate([each.time for each in flight.channels.values()] or [np.zeros(0)]))
+    parts = np.split(time, np.flatnonzero(np.diff(time) > PAUSE) + 1)
+    return [(float(each[0]), float(each[-1])) for each in parts if each.size]
+
+
+def _part(flight: FlightData, number: int) -> FlightData:
+    """One of several flights of a file that pauses of all channels separate, on the clock of the file."""
+    parts = parts_of(flight)
+    place, _ = choose_log([""] * len(parts), Columns(log=number), 0, [], "")
+    inside = flight.section(*parts[place])
+    return replace(inside, channels={name: each for name, each in inside.channels.items() if each.time.size})
 
 
 def format_name(path: PathLike) -> str:
@@ -213,7 +275,7 @@ def format_name(path: PathLike) -> str:
     Raises:
         ValueError: one line: an empty file, or a format that is not known.
     """
-    file, at = Path(path), f"flight = {shown(os.fspath(path))}"
+    file, at = Path(split_path(path)[0]), f"flight = {shown(os.fspath(path))}"
     folder, head = file.is_dir(), b""
     if not folder:
         with file.open("rb") as stream:

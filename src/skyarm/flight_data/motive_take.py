@@ -11,7 +11,7 @@ import csv
 from pathlib import Path
 
 from skyarm.flight_data.columns_file import Columns, QuantitySource
-from skyarm.flight_data.flight_data import FlightData, FlightFormat
+from skyarm.flight_data.flight_data import FlightData, FlightFormat, choose_log
 from skyarm.flight_data.raw_tables import RawTable, flight_of
 from skyarm.flight_data.table_file import numbers_of_rows
 from skyarm.records.files import shown
@@ -27,7 +27,7 @@ LENGTHS = {"Meters": 1.0, "Centimeters": 0.01, "Millimeters": 0.001}
 
 
 def read_motive(path: Path, columns: Columns | None) -> FlightData:
-    """Read the pose of a rigid body from a take, of several the first.
+    """Read the pose of a rigid body from a take; of several that of the mapping's number, else the first.
 
     Raises:
         ValueError: one line: a damaged head, or no rigid body with rotations as quaternions. OSError: it cannot be
@@ -50,16 +50,18 @@ def read_motive(path: Path, columns: Columns | None) -> FlightData:
             bodies += [name] if name not in bodies else []
     if not bodies:
         raise ValueError(f"columns: none is of a {BODY}; define one in Motive, and export it")
-    notes = [f"bodies: {', '.join(bodies)}: the first is read; a columns.toml may map another."] if bodies[1:] else []
+    notes = list[str]()
+    place, listed = choose_log(bodies, columns, 0, notes, "first")
+    body = bodies[place]
     rows = numbers_of_rows("\n".join(lines[begin + 1 :]), {"time": 1, **places}, ",", len(axes), notes)
     table = RawTable(columns=dict(zip(places, rows[:, 1:].T, strict=True)), time=rows[:, 0])
-    x, y, z = (f"{bodies[0]}: Position {axis}" for axis in "XYZ")
-    a, b, c, w = (f"{bodies[0]}: Rotation {axis}" for axis in "XYZW")
+    x, y, z = (f"{body}: Position {axis}" for axis in "XYZ")
+    a, b, c, w = (f"{body}: Rotation {axis}" for axis in "XYZW")
     usual = {
         "position": (QuantitySource(columns=(x, f"-{z}", y), scale=scale),),
         "quaternion": (QuantitySource(columns=(w, a, f"-{c}", b)),),
     }
-    return flight_of(path, {"": table}, usual, columns, facts={"vehicle": bodies[0]}, notes=notes)
+    return flight_of(path, {"": table}, usual, columns, facts={"vehicle": body, **listed}, notes=notes)
 
 
-MOTIVE = FlightFormat(read_motive, begins=(BEGINNING, b"\xef\xbb\xbf" + BEGINNING))
+MOTIVE = FlightFormat(read_motive, begins=(BEGINNING, b"\xef\xbb\xbf" + BEGINNING), several=True)

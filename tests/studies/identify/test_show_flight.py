@@ -103,7 +103,12 @@ def test_a_page_says_what_is_missing_for_what_and_what_to_do_next(tmp_path):
     for name in ("accelerometer", "rotor_commands"):
         assert f"missing: {name}: nothing can be identified without it" in poor
     assert "missing: gyro" not in poor
-    assert "flights: 2, with pauses of more than 5 s between them" in poor
+    assert "flights: 2, with pauses of more than 5 s between them; all are read" in poor
+    assert re.search(r"^flight #2: 6\.51 to 6\.99 s: skyarm show 'a b\.csv#2'$", poor, re.MULTILINE)
+    second = json.loads(skyarm("show", "a b.csv#2", "--json").out)
+    assert (second["flight"], second["flights"], second["choices"]) == ("a b#2", 1, {})
+    assert second["channels"][0]["begin_s"] == pytest.approx(6.51)
+    refused(skyarm("show", "a b.csv#3"), "flight = 'a b.csv#3': flight #3: must be 1 to 2, the flights of this file")
     assert "next: " not in poor
 
 

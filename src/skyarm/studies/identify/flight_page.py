@@ -9,7 +9,7 @@ from shlex import quote
 
 from skyarm.cli.output import bar, give, tell
 from skyarm.flight_data.clocks import clock_offset
-from skyarm.flight_data.flight_data import FlightData, format_name, load_flight
+from skyarm.flight_data.flight_data import PAUSE, FlightData, format_name, load_flight, parts_of, split_path
 from skyarm.flight_data.quantities import QUANTITIES
 from skyarm.records.files import printable
 from skyarm.records.files.names import picture_file
@@ -63,9 +63,6 @@ SHOWN = 12
 """Number of unused columns that are listed."""
 
 
-PAUSE = 5.0
-"""Length (s) of a gap in all channels from which on it separates two flights of a file."""
-
 NEEDED = "nothing can be identified without it"
 
 MISSING = {
@@ -77,12 +74,14 @@ MISSING = {
 
 def flight_facts(flight: FlightData) -> Facts:
     """Facts of a measured flight as plain data: format, duration, channels, notes and clock."""
-    channels, pauses = [], list[int]()
+    channels, parts = [], parts_of(flight)
+    listed = {name: words for name, words in flight.facts.items() if name.startswith("flight #")}
+    if not listed and len(parts) > 1:
+        listed = {f"flight #{k + 1}": f"{begin:.4g} to {end:.4g} s" for k, (begin, end) in enumerate(parts)}
     logged = {"rotor_commands" if name == "rotor_speed_commands" else name for name in flight}
     for name in flight:
         channel, quantity = flight[name], QUANTITIES[name]
         gaps = channel_gaps(name, channel)
-        pauses.append(sum(long > PAUSE for _, long in gaps))
         channels.append(
             {
                 "quantity": name,
@@ -102,7 +101,8 @@ def flight_facts(flight: FlightData) -> Facts:
         "file": flight.file,
         "format": format_name(flight.file),
         "duration_s": flight.duration,
-        "flights": 1 + min(pauses, default=0),
+        "flights": len(parts),
+        "choices": listed,
         "channels": channels,
         "notes": list(flight.notes),
         "clock": _clock_words(flight),
@@ -133,7 +133,10 @@ def flight_sheet(facts: Facts) -> Iterator[Line]:
     lines = [f"clock: {facts['clock']}", *(f"note: {each}" for each in facts["notes"])]
     lines += [f"missing: {name}: {words}" for name, words in facts["missing"].items()]
     if facts["flights"] > 1:
-        lines.append(f"flights: {facts['flights']}, with pauses of more than {PAUSE:g} s between them")
+        lines.append(f"flights: {facts['flights']}, with pauses of more than {PAUSE:g} s between them; all are read")
+    file = split_path(facts["file"])[0]
+    for name, words in facts["choices"].items():
+        lines.append(f"{name}: {words}: skyarm show {quote(file + name.removeprefix('flight '))}")
     if facts["unused"]:
         more = f" and {len(facts['unused']) - SHOWN} more" if len(facts["unused"]) > SHOWN else ""
         lines.append(f"not read: {', '.join(facts['unused'][:SHOWN])}{more}")
