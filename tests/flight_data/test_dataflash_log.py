@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import struct
 from pathlib import Path
 from typing import Any
@@ -263,7 +264,96 @@ def test_of_two_logs_in_a_file_the_longer_is_read(tmp_path: Path) -> None:
     alone = rows_of(read(tmp_path, data))
     both = read(tmp_path, old({})[:3000] + data)
     assert rows_of(both) == alone
-    assert both.notes[0] == "file: holds 2 logs; the longest is read."
+    assert re.match(r"file: holds flights of \d+ bytes, \d+ bytes; the longest is read, #2; ", both.notes[0])
+    assert rows_of(load_flight(tmp_path / "flight.BIN#2")) == alone
+    (tmp_path / "first").mkdir()
+    first = load_flight(tmp_path / "flight.BIN#1")
+    assert first.notes == read(tmp_path / "first", old({})[:3000]).notes
+    assert rows_of(first) == rows_of(read(tmp_path / "first", old({})[:3000]))
+    (tmp_path / "flight.BIN#1").write_bytes(data)  # a file of that very name comes first
+    assert rows_of(load_flight(tmp_path / "flight.BIN#1")) == alone
+
+
+def lanes(primary: tuple[int, ...], parameters: dict[str, float], units: tuple[int, ...] = (0, 1, 2)) -> bytes:
+    """Log of ArduPilot 4 with two lanes of its filter and three inertial units."""
+    noise = np.random.default_rng(4)
+    log = Writer(
+        PARM=("QNf", "TimeUS,Name,Value"),
+        IMU=("QBffffff", f"TimeUS,I,{','.join(AXES)}"),
+        XKQ=("QBffff", "TimeUS,C,Q1,Q2,Q3,Q4"),
+        XKF1=("QBffffff", "TimeUS,C,VN,VE,VD,PN,PE,PD"),
+        XKF4=("QBB", "TimeUS,C,PI"),
+    )
+    for name, value in parameters.items():
+        log.put("PARM", 0, name.encode(), value)
+    for k, lane in enumerate(primary):
+        stamp = 61_500_000 + 10_000 * k
+        for unit in units:
+            log.put("IMU", stamp, unit, *noise.normal(size=6))
+        for core in (0, 1):
+            log.put("XKQ", stamp + 200, core, *noise.normal(size=4))
+            log.put("XKF1", stamp + 300, core, *noise.normal(size=6))
+            log.put("XKF4", stamp + 400, core, lane)
+    return log.data
+
+
+@pytest.mark.parametrize(
+    ("primary", "parameters", "lane", "unit"),
+    [
+        ((0,) * 60, {}, 0, 0),
+        ((1,) * 60, {"EK3_IMU_MASK": 3.0}, 1, 1),
+        ((1,) * 60, {"EK3_IMU_MASK": 6.0}, 1, 2),
+        ((0,) * 60, {"EK3_IMU_MASK": 6.0}, 0, 1),
+        ((0,) * 20 + (1,) * 40, {"EK3_IMU_MASK": 7.0}, 1, 1),
+    ],
+)
+def test_unit_and_filter_are_those_of_the_lane_that_flew(
+    tmp_path: Path, primary: tuple[int, ...], parameters: dict[str, float], lane: int, unit: int
+) -> None:
+    places = {f"INS_POS{k}_{axis}": 0.1 * k for k in (1, 2, 3) for axis in "XYZ"}
+    found = read(tmp_path, lanes(primary, parameters | places))
+    for name, fields in (("gyro", AXES[:3]), ("accelerometer", AXES[3:])):
+        np.testing.assert_array_equal(
+            found[name].values, decoded(tmp_path, "IMU", *fields, instance=unit)[:, 1:] * TURN
+        )
+    rows = decoded(tmp_path, "XKF1", "PN", "PE", "PD", instance=lane)[:, 1:]
+    np.testing.assert_array_equal(found["position"].values, rows * TURN)
+    q = decoded(tmp_path, "XKQ", "Q1", "Q2", "Q3", "Q4", instance=lane)[:, 1:] * [1.0, 1.0, -1.0, -1.0]
+    q /= np.linalg.norm(q, axis=1)[:, None]
+    np.testing.assert_allclose(np.abs(np.sum(found["quaternion"].values * q, axis=1)), 1.0, atol=1e-12)
+    assert found.place["place.x"] == pytest.approx(0.1 * (unit + 1))
+    assert f"inertial unit {unit} is read, of the filter's lane {lane}; a columns.toml may name IMU" in found.notes[0]
+    assert ("the filter changed its lane 1 times" in found.notes[-1]) == (len(set(primary)) > 1)
+    chosen = {
+        name: {"topic": "IMU[2]", "columns": list(each)}
+        for name, each in zip(("gyro", "accelerometer"), (AXES[:3], AXES[3:]), strict=True)
+    }
+    assert load_flight(tmp_path / "flight.BIN", columns_from(chosen)).place["place.x"] == pytest.approx(0.3)
+
+
+def test_of_an_old_log_the_second_lane_has_topics_of_its_own(tmp_path: Path) -> None:
+    noise = np.random.default_rng(5)
+    log = Writer(
+        IMU=("Qffffff", f"TimeUS,{','.join(AXES)}"),
+        IMU2=("Qffffff", f"TimeUS,{','.join(AXES)}"),
+        NKF1=("Qfff", "TimeUS,PN,PE,PD"),
+        NKF6=("Qfff", "TimeUS,PN,PE,PD"),
+        NKQ1=("Qffff", "TimeUS,Q1,Q2,Q3,Q4"),
+        NKQ2=("Qffff", "TimeUS,Q1,Q2,Q3,Q4"),
+        NKF4=("QB", "TimeUS,PI"),
+    )
+    for k in range(60):
+        for name, width in (("IMU", 6), ("IMU2", 6), ("NKF1", 3), ("NKF6", 3), ("NKQ1", 4), ("NKQ2", 4)):
+            log.put(name, 10_000 * k, *noise.normal(size=width))
+        log.put("NKF4", 10_000 * k, 1)
+    found = read(tmp_path, log.data)
+    assert [found[name].source.partition(":")[0] for name in ("gyro", "position", "quaternion")] == [
+        "IMU2",
+        "NKF6",
+        "NKQ2",
+    ]
+    np.testing.assert_array_equal(found["gyro"].values, decoded(tmp_path, "IMU2", *AXES[:3])[:, 1:] * TURN)
+    np.testing.assert_array_equal(found["position"].values, decoded(tmp_path, "NKF6", "PN", "PE", "PD")[:, 1:] * TURN)
 
 
 def test_logs_that_are_none_are_one_line_with_the_cause(tmp_path: Path) -> None:

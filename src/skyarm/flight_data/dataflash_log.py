@@ -11,16 +11,16 @@ from __future__ import annotations
 
 import re
 import struct
-from collections.abc import Iterator, Mapping
-from itertools import takewhile
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from skyarm.algebra.frames import to_our_axes
 from skyarm.flight_data.columns_file import SOURCES, Columns, QuantitySource, usual_signals
-from skyarm.flight_data.flight_data import PLACE, FlightData, FlightFormat
-from skyarm.flight_data.raw_tables import RawTable, flight_of
+from skyarm.flight_data.flight_data import PLACE, FlightData, FlightFormat, choose_log
+from skyarm.flight_data.raw_tables import RawTable, alike_outputs, flight_of, shares_of
 from skyarm.records.arrays import AnyArray
 
 MAGIC = b"\xa3\x95"
@@ -59,8 +59,8 @@ STAMPS = {"SampleUS": 1e-6, "TimeUS": 1e-6, "TimeMS": 1e-3}
 INSTANCES = ("I", "C", "Instance", "Inst")
 """Names of fields that number the instance, if whole numbers of one byte."""
 
-COUNTS = (3, 4, 6, 8)
-"""Numbers of rotors that equal least outputs may tell."""
+UNIT = r"(IMU|GYR|ACC)"
+"""Pattern of the beginnings of messages of an inertial unit."""
 
 FUNCTIONS = (*range(33, 41), *range(82, 86))
 """SERVOn_FUNCTION of an output that drives the first motor, the second, ..."""
@@ -88,14 +88,16 @@ Messages = Mapping[str, Mapping[str, AnyArray]]
 
 
 def read_dataflash(path: Path, columns: Columns | None) -> FlightData:
-    """Read a DataFlash log of ArduPilot; of several in a file, the longest.
+    """Read a DataFlash log of ArduPilot; of several in a file that of the mapping's number, else the longest.
 
     Raises:
         ValueError: one line: it is no such file, or of another autopilot. OSError: it cannot be read.
     """
-    logs = [each for each in path.read_bytes().split(BEGINNING) if each]
-    notes = [f"file: holds {len(logs)} logs; the longest is read."] if len(logs) > 1 else []
-    rows = _rows(BEGINNING + max(logs, key=len, default=b""), notes)
+    notes = list[str]()
+    logs = [each for each in path.read_bytes().split(BEGINNING) if each] or [b""]
+    longest = logs.index(max(logs, key=len))
+    place, listed = choose_log([f"{len(each)} bytes" for each in logs], columns, longest, notes, "longest")
+    rows = _rows(BEGINNING + logs[place], notes)
     tables = dict(_tables(rows))
     if not tables:
         old = "PX4 before 2017 (.px4log): log as .ulg" if "TIME" in rows else "ArduPilot before 2014: log anew"
@@ -105,14 +107,60 @@ def read_dataflash(path: Path, columns: Columns | None) -> FlightData:
     numbers = rows.get("PARM", {}).get("Value", np.zeros(0)).astype(float)
     values = dict(zip(_texts(rows, "PARM", "Name"), numbers.tolist(), strict=False))
     firmware = next(iter(_texts(rows, "MSG", "Message")), "unknown")
-    facts: dict[str, str | float] = {"vehicle": "ArduPilot", "firmware": firmware}
-    place = to_our_axes(*(values.get(f"INS_POS1_{axis}", 0.0) for axis in "XYZ"))
-    facts |= dict(zip(PLACE, place, strict=True)) if any(place) else {}
-    usual = dict(usual_signals(SOURCES["dataflash"]))
+    facts: dict[str, str | float] = {"vehicle": "ArduPilot", "firmware": firmware, **listed}
+    units = {name: _unit(name, each) for name, each in tables.items() if re.fullmatch(rf"{UNIT}.*", name)}
+    usual = _of_primary_lane(usual_signals(SOURCES["dataflash"]), tables, units, values, notes)
     if "RCOU" in tables and (shares := _shares(tables["RCOU"], values, notes)):
         tables[SHARES] = shares
         usual["rotor_commands"] = (QuantitySource(columns=tuple(shares.columns), topic=SHARES),)
-    return flight_of(path, tables, usual, columns, facts=facts, notes=notes)
+    flight = flight_of(path, tables, usual, columns, facts=facts, notes=notes)
+    source = flight["accelerometer"].source.partition(":")[0] if "accelerometer" in flight else ""
+    at = to_our_axes(*(values.get(f"INS_POS{units.get(source, 0) + 1}_{axis}", 0.0) for axis in "XYZ"))
+    return replace(flight, facts={**flight.facts, **dict(zip(PLACE, at, strict=True))}) if any(at) else flight
+
+
+def _unit(name: str, table: RawTable) -> int:
+    """Number of an inertial unit, from 0 on, by the instance of its messages or else their name (``IMU2``)."""
+    stated = next((table.columns[each] for each in INSTANCES if each in table.columns), None)
+    digits = re.sub(r"\D", "", name)
+    return int(stated[0]) if stated is not None and stated.size else int(digits or 1) - 1
+
+
+def _of_primary_lane(
+    usual: Mapping[str, Sequence[QuantitySource]],
+    tables: Mapping[str, RawTable],
+    units: Mapping[str, int],
+    parameters: Mapping[str, float],
+    notes: list[str],
+) -> dict[str, Sequence[QuantitySource]]:
+    """Usual sources, those of an inertial unit and of a filter replaced by the ones of the filter's primary lane.
+
+    A lane is a filter with an inertial unit of its own: that of the next bit of ``EK3_IMU_MASK``.
+    """
+    filters = [(each, table.columns["PI"]) for each, table in tables.items() if re.fullmatch("[XN]KF4", each)]
+    name, primary = next(((name, each) for name, each in filters if each.size), ("XKF4", np.zeros(1)))
+    numbers, counts = np.unique(primary, return_counts=True)
+    lane = int(numbers[counts.argmax()])
+    mask = int(parameters.get(f"EK{3 if name.startswith('X') else 2}_IMU_MASK", 0.0))
+    unit = [*(bit for bit in range(8) if mask >> bit & 1), *range(8)][lane] if mask >> lane else lane
+    unit = unit if unit in units.values() else min(units.values(), default=0)
+    sources = dict[str, Sequence[QuantitySource]]()
+    for quantity, every in usual.items():
+        named = list[QuantitySource]()
+        for each in every:
+            if re.fullmatch(rf"{UNIT}1?", each.topic):
+                topics = [topic for topic in units if topic.startswith(each.topic.rstrip("1")) and units[topic] == unit]
+            else:
+                word, digit = each.topic.rstrip("1"), 1 + (1 if "KQ" in each.topic else 5) * lane
+                topics = [*({f"{each.topic}[{lane}]", f"{word}{digit}"} & set(tables) if lane else ())] or [each.topic]
+            named += [replace(each, topic=topic) for topic in topics]
+        sources[quantity] = named
+    if len(set(units.values())) > 1:
+        others = ", ".join(topic for topic in units if units[topic] != unit)
+        notes.append(f"inertial unit {unit} is read, of the filter's lane {lane}; a columns.toml may name {others}.")
+    if numbers.size > 1:
+        notes.append(f"pose: the filter changed its lane {np.count_nonzero(np.diff(primary))} times; {lane} is read.")
+    return sources
 
 
 def _rows(data: bytes, notes: list[str]) -> Messages:
@@ -202,8 +250,7 @@ def _shares(outputs: RawTable, parameters: Mapping[str, float], notes: list[str]
     low, high = [*stated, USUAL_LIMITS][0]
     if not stated:
         notes.append(f"rotor_commands: limits of {low:g} and {high:g} us are assumed; no parameter states them.")
-    columns = {f"output {name}": np.maximum(0.0, (outputs.numbers(name) - low) / (high - low)) for name in places}
-    return RawTable(columns=columns, time=outputs.time)
+    return shares_of(outputs, places, low, high)
 
 
 def _motor_outputs(outputs: RawTable, parameters: Mapping[str, float], notes: list[str]) -> list[str]:
@@ -220,15 +267,7 @@ def _motor_outputs(outputs: RawTable, parameters: Mapping[str, float], notes: li
         return []
     if rotors:
         return [driven[each] for each in rotors]
-    least = [outputs.columns[name].min() for name in every]
-    alike = len([*takewhile(lambda value: value == least[0], least)])
-    if alike not in COUNTS:
-        notes.append(
-            "rotor_commands: are left out, as nothing says which outputs drive rotors; a columns.toml may do so."
-        )
-        return []
-    notes.append(f"rotor_commands: {alike} rotors are assumed, as so many outputs have the same least value.")
-    return every[:alike]
+    return alike_outputs(outputs, every, notes)
 
 
-DATAFLASH = FlightFormat(read_dataflash, suffixes=("bin", "px4log", "tlog"), begins=(MAGIC,))
+DATAFLASH = FlightFormat(read_dataflash, suffixes=("bin", "px4log", "tlog"), begins=(MAGIC,), several=True)

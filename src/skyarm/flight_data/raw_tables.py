@@ -5,6 +5,7 @@ from __future__ import annotations
 from bisect import bisect_left
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
+from itertools import takewhile
 from pathlib import Path
 
 import numpy as np
@@ -93,11 +94,12 @@ def flight_of(
             channels[name] = channel
         else:
             said.append(f"{name}: no row of {channel.source} holds numbers, so that the channel is left out.")
-    if not channels:
-        there = tables if len(tables) > 1 else [name for each in tables.values() for name in each.columns]
-        raise ValueError(f"channels = none: must hold a quantity or more; there is {comma_list(there) or 'no number'}")
     if "velocity" in channels and signals["velocity"].frame:
         _turn_into_world(channels, said)
+    if not channels:
+        there = tables if len(tables) > 1 else [name for each in tables.values() for name in each.columns]
+        listed = "; ".join([comma_list(there) or "no number", *(each.removesuffix(".") for each in said[:1])])
+        raise ValueError(f"channels = none: must hold a quantity or more; there is {listed}")
     begin = min(float(each.time[0]) for each in channels.values())
     return FlightData(
         name=path.stem,
@@ -262,6 +264,27 @@ def _turn_into_world(channels: dict[str, Channel], notes: list[str]) -> None:
     if inside.time.size:
         values = turn_vectors(attitude_at(attitude, inside.time), inside.values)
         channels["velocity"] = replace(inside, values=values, source=f"{velocity.source}, turned by the attitude")
+
+
+def shares_of(outputs: RawTable, names: Sequence[str], low: float, high: float) -> RawTable:
+    """Outputs to rotors as shares of their range, at least 0."""
+    columns = {f"output {name}": np.maximum(0.0, (outputs.numbers(name) - low) / (high - low)) for name in names}
+    return replace(outputs, columns=columns)
+
+
+COUNTS = (3, 4, 6, 8)
+"""Numbers of rotors that equal least outputs may tell."""
+
+
+def alike_outputs(outputs: RawTable, names: Sequence[str], notes: list[str]) -> list[str]:
+    """Columns of the first outputs that move and have the same least value: those of rotors; none if they are few."""
+    ends = [(np.nanmin(outputs.columns[each]), np.nanmax(outputs.columns[each])) for each in names]
+    alike = [*takewhile(lambda name: ends[names.index(name)][0] == ends[0][0] < ends[names.index(name)][1], names)]
+    if len(alike) in COUNTS:
+        notes.append(f"rotor_commands: {len(alike)} rotors are assumed, as so many outputs have the same least value.")
+        return alike
+    notes.append("rotor_commands: are left out, as nothing says which outputs drive rotors; a columns.toml may do so.")
+    return []
 
 
 def rising_rows(time: Array) -> npt.NDArray[np.intp]:
