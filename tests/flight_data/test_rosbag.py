@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import dataclasses
+import re
 import sys
 from collections.abc import Callable, Iterator
-from functools import cache
-from itertools import islice
+from functools import cache, partial
+from itertools import chain, islice
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +16,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import skyarm
-from skyarm.flight_data.flight_data import load_flight
+from skyarm.flight_data.flight_data import FlightData, load_flight
 from skyarm.flight_data.rosbag import _Rows, _table
 from skyarm.studies.identify.measured_motion import joints_in_order
 from support.logs import flown
@@ -541,3 +542,218 @@ def test_a_mapping_of_the_stamps_of_px4_fits_what_it_leaves_to_the_format(tmp_pa
     found = load_flight(path, columns_from({"time": {"column": "timestamp", "unit": "us"}, "gyro": gyro}))
     np.testing.assert_array_equal(found["gyro"].values, sent["SensorCombined"][:, :3])
     np.testing.assert_allclose(found["gyro"].time, found["position"].time, atol=2e-6)
+
+
+HEADER = "std_msgs/Header header\n"
+OF_MAVROS = {
+    "RCOut": HEADER + "uint16[] channels\n",
+    "ESCStatusItem": HEADER + "int32 rpm\nfloat32 voltage\nfloat32 current\n",
+    "ESCStatus": HEADER + "mavros_msgs/ESCStatusItem[] esc_status\n",
+}
+
+
+def mavros_store(kind: str) -> Any:
+    store = get_typestore(Stores.ROS1_NOETIC if kind == "bag" else Stores.ROS2_HUMBLE)
+    for name, text in OF_MAVROS.items():
+        store.register(get_types_from_msg(text, f"mavros_msgs/msg/{name}"))
+    return store
+
+
+def mavros_bag(folder: Path, kind: str, **more: Any) -> tuple[Path, Rotation, np.ndarray]:
+    store = mavros_store(kind)
+    rows, turns, sent = mavros_rows(store, kind, **more)
+    return write_rows(folder, kind, store, rows), turns, sent
+
+
+def mavros_rows(
+    store: Any, kind: str, space: str = "/mavros", seed: int = 0, **more: Any
+) -> tuple[list[tuple[int, str, Any]], Rotation, np.ndarray]:
+    """What MAVROS sends every 10 ms, late by up to 8 ms: messages, and the attitudes and numbers in them."""
+    draw, make, rows = np.random.default_rng(seed), Messages(store, kind), []
+    turns, sent = Rotation.random(60, random_state=seed), draw.normal(size=(60, 20))
+    for k in range(60):
+        stamp, numbers = START + 10_000_000 * k, np.split(sent[k], [3, 6, 9, 12, 16])
+        header, quaternion = make.header(stamp), turns[k].as_quat(scalar_first=True)
+        frames = {"header": make.header(stamp), "child_frame_id": more.get("child", "base_link")}
+        frames["header"].frame_id = more.get("parent", "map")
+        pose = make.make(
+            "geometry_msgs/msg/Pose", position=make.xyz(numbers[2], "Point"), orientation=make.turn(quaternion)
+        )
+        twist = make.make("geometry_msgs/msg/Twist", linear=make.xyz(numbers[3]), angular=make.xyz(numbers[0]))
+        wide = {"covariance": np.zeros(36)}
+        odometry = make.make(
+            "nav_msgs/msg/Odometry",
+            pose=make.make("geometry_msgs/msg/PoseWithCovariance", pose=pose, **wide),
+            twist=make.make("geometry_msgs/msg/TwistWithCovariance", twist=twist, **wide),
+            **frames,
+        )
+        pulses = np.array([*(1100 + 500 * (numbers[4] > 0)), 1100, 0, 65535, 1500], np.uint16)
+        escs = [
+            make.make("mavros_msgs/msg/ESCStatusItem", header=header, rpm=rpm, voltage=0.0, current=0.0)
+            for rpm in (3000 + k, 3100, 3200, 3300, 0)
+        ]
+        imu = make.imu(stamp, *numbers[:2])
+        held = {
+            "imu/data": imu,
+            "local_position/odom": odometry,
+            "global_position/local": odometry,
+            "rc/out": make.make("mavros_msgs/msg/RCOut", header=header, channels=pulses if k else pulses * 0),
+            "esc_status": make.make("mavros_msgs/msg/ESCStatus", header=header, esc_status=escs),
+            **({"local_position/pose": pose_of(make, frames["header"], pose)} if k % 2 else {}),
+        }
+        for name, message in held.items():
+            rows.append((stamp + int(draw.integers(1, 8_000_000)), f"{space}/{name}", message))
+    return rows, turns, sent
+
+
+def pose_of(make: Messages, header: Any, pose: Any) -> Any:
+    return make.make("geometry_msgs/msg/PoseStamped", header=header, pose=pose)
+
+
+def write_rows(folder: Path, kind: str, store: Any, rows: list[tuple[int, str, Any]]) -> Path:
+    made, path = writer(kind, folder)
+    topics = {}
+    with made:
+        for when, topic, message in sorted(rows, key=lambda row: row[0]):
+            name = message.__msgtype__
+            if topic not in topics:
+                topics[topic] = made.add_connection(topic, name, typestore=store)
+            data = store.serialize_ros1(message, name) if kind == "bag" else store.serialize_cdr(message, name)
+            made.write(topics[topic], when, data)
+    return path
+
+
+@pytest.mark.parametrize("kind", ["bag", "mcap"])
+def test_a_bag_of_mavros_is_a_flight_without_a_mapping(kind: str, tmp_path: Path) -> None:
+    path, turns, sent = mavros_bag(tmp_path, kind)
+    found = load_flight(path)
+    for name in found:
+        late = 0.01 if name == "rotor_commands" else 0.0  # its first message holds no pulses
+        np.testing.assert_allclose(found[name].time - found[name].time[0], 0.01 * np.arange(found[name].time.size))
+        assert found[name].time[0] == pytest.approx(late, abs=1e-9)
+    for name, columns in (("gyro", slice(0, 3)), ("accelerometer", slice(3, 6)), ("position", slice(6, 9))):
+        np.testing.assert_array_equal(found[name].values, sent[:, columns])
+    np.testing.assert_allclose(found["velocity"].values, turns.apply(sent[:, 9:12]), atol=1e-12)
+    read = Rotation.from_quat(found["quaternion"].values, scalar_first=True)
+    assert (read.inv() * turns).magnitude().max() < 1e-7
+    np.testing.assert_allclose(found["rotor_commands"].values, 0.1 + 0.5 * (sent[1:, 12:16] > 0))
+    np.testing.assert_allclose(found["rotor_speeds"].values[:, 1:], np.tile([3100, 3200, 3300], (60, 1)) * np.pi / 30)
+    assert "limits of 1000 and 2000 us are assumed" in " ".join(found.notes)
+    assert "global_position" not in " ".join(found.notes)
+
+
+@pytest.mark.parametrize(
+    ("parent", "child"),
+    [
+        ("map", "map"),
+        ("odom", "world"),
+        ("odom_ned", "base_link_frd"),
+        ("map_ned", "map_ned"),
+        ("map", "base_link_frd"),
+    ],
+)
+def test_odometry_is_in_the_axes_of_the_frames_that_it_names(parent: str, child: str, tmp_path: Path) -> None:
+    """Of a flight that is turned into these frames by SciPy's matrices; VINS-Fusion has its speeds in the world's."""
+    path, turns, sent = mavros_bag(tmp_path, "mcap", parent=parent, child=child)
+    found, flip = load_flight(path), Rotation.from_quat([1, 0, 0, 0])
+    world = flip if parent.endswith("ned") else Rotation.identity()
+    np.testing.assert_allclose(found["position"].values, world.apply(sent[:, 6:9]), atol=1e-12)
+    is_world = child in ("map", "world", "map_ned")
+    base = flip if child.endswith("frd") else Rotation.identity()
+    if parent == "map_ned":  # nothing says in which axes the base is
+        assert "quaternion" not in found
+    else:
+        read = Rotation.from_quat(found["quaternion"].values, scalar_first=True)
+        assert (read.inv() * (world * turns * base)).magnitude().max() < 1e-7
+    speeds = sent[:, 9:12] if is_world else turns.apply(sent[:, 9:12])
+    np.testing.assert_allclose(found["velocity"].values, world.apply(speeds), atol=1e-12)
+
+
+@pytest.mark.parametrize("spaces", [("/uav1/mavros", "/uav2/mavros"), ("/mavros", "/drone2/mavros")])
+def test_of_two_vehicles_in_a_bag_none_has_numbers_of_the_other(spaces: tuple[str, str], tmp_path: Path) -> None:
+    store = mavros_store("mcap")
+    rows = [mavros_rows(store, "mcap", space, seed)[0] for seed, space in enumerate(spaces)]
+    folders = [tmp_path / name for name in ("first", "second", "both")]
+    for folder in folders:
+        folder.mkdir()
+    *apart, both = (
+        write_rows(*each) for each in zip(folders, 3 * ["mcap"], 3 * [store], [*rows, [*chain(*rows)]], strict=True)
+    )
+    usual = load_flight(both)
+    assert re.match(r"file: holds flights of .*, .*; the first vehicle is read, #1; write FILE#1 ", usual.notes[0])
+    for number, path in enumerate(apart, 1):
+        alone, found = load_flight(path), load_flight(f"{both}#{number}")
+        assert (found.name, found.file) == (f"flight#{number}", f"{both}#{number}")
+        for name in alone:
+            np.testing.assert_array_equal(found[name].values, alone[name].values)
+            np.testing.assert_allclose(found[name].time, alone[name].time, atol=1e-6)
+    with pytest.raises(ValueError, match=r"flight #3: must be 1 to 2, the flights of this file"):
+        load_flight(f"{both}#3")
+
+
+def odometry_bag(folder: Path, text: str, *rows: tuple[Any, ...], attitude: bool = False) -> FlightData:
+    """Flight of a bag with PX4's odometry of the given definition, and perhaps an attitude in NED beside it."""
+    store = get_typestore(Stores.ROS2_HUMBLE)
+    texts = {"VehicleOdometry": text, "VehicleAttitude": "uint64 timestamp\nfloat32[4] q\n"}
+    for name, each in texts.items():
+        store.register(get_types_from_msg(each, f"px4_msgs/msg/{name}"))
+    sent = []
+    for k, row in enumerate(rows):
+        odometry = store.types["px4_msgs/msg/VehicleOdometry"](30_000_000 + 10_000 * k, *row)
+        sent.append((START + 10**7 * k, "/fmu/out/vehicle_odometry", odometry))
+        if attitude:
+            turn = store.types["px4_msgs/msg/VehicleAttitude"](
+                30_000_000 + 10_000 * k, np.array([1, 0, 0, 0], np.float32)
+            )
+            sent.append((START + 10**7 * k, "/fmu/out/vehicle_attitude", turn))
+    return load_flight(write_rows(folder, "mcap", store, sent))
+
+
+NEW = (
+    "uint64 timestamp\nuint8 pose_frame\nfloat32[3] position\nfloat32[4] q\nuint8 velocity_frame\nfloat32[3] velocity\n"
+)
+OLD = "uint64 timestamp\nuint8 local_frame\nfloat32 x\nfloat32 y\nfloat32 z\nfloat32[4] q\nuint8 velocity_frame\n" + (
+    "float32 vx\nfloat32 vy\nfloat32 vz\n"
+)
+
+
+@pytest.mark.parametrize("attitude", [False, True])
+@pytest.mark.parametrize("is_old", [False, True])
+@pytest.mark.parametrize("pose", [0, 1, 2])
+@pytest.mark.parametrize("speed", [0, 1, 2, 3])
+def test_odometry_of_px4_is_read_right_or_left_out_with_its_axes(
+    pose: int, speed: int, is_old: bool, attitude: bool, tmp_path: Path
+) -> None:
+    """Numbers of the axes: unknown 0, NED 1, FRD 2, FRD of the base 3; before 2022 NED 0, FRD 1, other 2, base 3."""
+    draw, turns = np.random.default_rng(pose), Rotation.random(12, random_state=1)
+    place, velocity = (draw.normal(size=(12, 3)).astype(np.float32) for _ in range(2))
+    number = [2, 0, 1, 3] if is_old else [0, 1, 2, 3]
+    rows = []
+    for p, q, v in zip(place, turns.as_quat(scalar_first=True).astype(np.float32), velocity, strict=True):
+        apart = [*map(float, p)] if is_old else [p]
+        rows.append((number[pose], *apart, q, number[speed], *([*map(float, v)] if is_old else [v])))
+    made = partial(odometry_bag, tmp_path, OLD if is_old else NEW, *rows, attitude=attitude)
+    if pose == 0 and speed in (0, 3) and not attitude:
+        with pytest.raises(ValueError, match=r"channels = none: .*; (velocity|position): .*(axes|to turn it by)"):
+            made()
+        return
+    found = made()
+    flip, notes = Rotation.from_quat([1, 0, 0, 0]), " ".join(found.notes)
+    has_pose = pose == 1 or (pose == 2 and not attitude)
+    assert ("position" in found) == has_pose
+    assert ("position: of /fmu/out/vehicle_odometry is left out" in notes) == (not has_pose)
+    if has_pose:
+        np.testing.assert_allclose(found["position"].values, flip.apply(place), atol=1e-6)
+    read = Rotation.from_quat(found["quaternion"].values, scalar_first=True) if "quaternion" in found else None
+    if has_pose and not attitude:
+        assert read is not None
+        assert (read.inv() * (flip * turns * flip)).magnitude().max() < 1e-6
+    is_in_world = speed == (1 if pose == 1 or attitude else pose or speed) and speed in (1, 2)
+    assert ("velocity" in found) == (is_in_world or speed == 3)
+    if speed == 3:
+        assert read is not None
+        np.testing.assert_allclose(found["velocity"].values, read.apply(flip.apply(velocity)), atol=1e-5)
+    elif is_in_world:
+        np.testing.assert_allclose(found["velocity"].values, flip.apply(velocity), atol=1e-6)
+    else:
+        assert "velocity: of /fmu/out/vehicle_odometry is left out" in notes

@@ -1,14 +1,15 @@
 """Reader of ROS 1 and ROS 2 bags: files ``.bag``, ``.mcap`` and ``.db3``, and folders of the latter two.
 
-A topic's columns are the numbers of its messages: ``angular_velocity.x``, ``position[0]``; lists of messages, and of
-more than 32 numbers, are left out. Standard messages are quantities by their type: inertial units, poses, transforms,
-odometry, batteries, joint states, speeds of motors. Topics of references and commands are no measurements.
+A topic's columns are the numbers of its messages: ``angular_velocity.x``, ``position[0]``; lists of more than 32 are
+left out. Standard messages, those of PX4 and those of MAVROS are quantities by their type: inertial units, poses,
+transforms, odometry, batteries, joint states, outputs to motors and their speeds. Topics of references and commands
+are no measurements. Of several vehicles, told by the names of their inertial units' topics, one is read.
 """
 
 from __future__ import annotations
 
 import re
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import chain
 from pathlib import Path
@@ -18,10 +19,11 @@ import numpy as np
 
 from skyarm.algebra import ZERO3, Quaternion, Vec3
 from skyarm.algebra.frames import turn_vectors
+from skyarm.flight_data.bag_axes import IMU, PX4, MessageAxes
 from skyarm.flight_data.columns_file import SOURCES, Columns, QuantitySource, usual_signals
-from skyarm.flight_data.flight_data import BAG_FOLDER, PLACE, FlightData, FlightFormat
+from skyarm.flight_data.flight_data import BAG_FOLDER, PLACE, FlightData, FlightFormat, choose_log
 from skyarm.flight_data.own_log import is_own_mcap, read_own_log
-from skyarm.flight_data.raw_tables import RawTable, flight_of
+from skyarm.flight_data.raw_tables import RawTable, alike_outputs, flight_of, shares_of
 from skyarm.records.arrays import Array
 from skyarm.records.files import needs_extra
 
@@ -39,20 +41,23 @@ LONGEST_LIST = 32
 DEEPEST = 8
 """Largest nesting depth of messages."""
 
-ENTRY = re.compile(r"\w+\[(.*\D.*)\]")
+ENTRY = re.compile(r"\w+\[([^\]]*[^\]\d][^\]]*)\]")
 """Pattern of a list item with a name."""
 
-NOT_MEASURED = re.compile(r"reference|setpoint|goal|desired|target|command|cmd", re.IGNORECASE)
-"""Pattern of topic names without measurements."""
+NOT_MEASURED = re.compile(r"reference|setpoint|goal|desired|target|command|cmd|/global_position/", re.IGNORECASE)
+"""Pattern of topic names without measurements, or with those of MAVROS of which another topic has better ones."""
+
+TO_PX4 = "/fmu/in/"
+"""Part of the names of topics to PX4, which are on another clock."""
 
 LARGE = re.compile(r"Image|PointCloud|LaserScan|OccupancyGrid|Marker|TFMessage")
 """Pattern of message types that are not decoded."""
 
-IMU, STATIC, BASE = "sensor_msgs/msg/Imu", "/tf_static", "base_link"
-"""Type of the messages of inertial units, topic of fixed transforms, and frame of the base (REP 105)."""
+STATIC, BASE = "/tf_static", "base_link"
+"""Topic of fixed transforms, and frame of the base (REP 105)."""
 
-PX4, STAMP = "px4_msgs/", "timestamp"
-"""Beginning of the types of PX4's messages, and their field of the time (us), of PX4's own clock."""
+STAMP = "timestamp"
+"""Field of the time (us) of PX4's messages, of PX4's own clock."""
 
 SECOND, NANO = 1_000_000_000, 1e-9
 
@@ -62,15 +67,21 @@ TYPES = {kind: usual_signals(each) for kind, each in SOURCES["ros"].items()}
 
 LISTS: Mapping[str, Mapping[str, str]] = {
     "sensor_msgs/msg/JointState": {
-        "joint_positions": "position",
-        "joint_rates": "velocity",
-        "joint_efforts": "effort",
+        "joint_positions": "position[]",
+        "joint_rates": "velocity[]",
+        "joint_efforts": "effort[]",
     },
-    "mav_msgs/msg/Actuators": {"rotor_speeds": "angular_velocities"},
-    "actuator_msgs/msg/Actuators": {"rotor_speeds": "velocity"},
-    "px4_msgs/msg/ActuatorMotors": {"rotor_commands": "control"},
+    "mav_msgs/msg/Actuators": {"rotor_speeds": "angular_velocities[]"},
+    "actuator_msgs/msg/Actuators": {"rotor_speeds": "velocity[]"},
+    "px4_msgs/msg/ActuatorMotors": {"rotor_commands": "control[]"},
+    "mavros_msgs/msg/RCOut": {"rotor_commands": "channels[]"},
+    "mavros_msgs/msg/ESCStatus": {"rotor_speeds": "esc_status[].rpm"},
+    "mavros_msgs/msg/ESCTelemetry": {"rotor_speeds": "esc_telemetry[].rpm"},
 }
 """Message type -> quantity -> list with a number for each joint or rotor."""
+
+OUTPUTS, PULSES, SHARES = "mavros_msgs/msg/RCOut", (800.0, 2200.0), "rotor signals of {}"
+"""Type of messages with outputs of an autopilot, their bounds (us), and name of the table of their shares."""
 
 
 COMMANDS = {"rotor_speeds": "rotor_speed_commands", "joint_positions": "joint_commands"}
@@ -79,8 +90,9 @@ COMMANDS = {"rotor_speeds": "rotor_speed_commands", "joint_positions": "joint_co
 
 @dataclass(slots=True)
 class _Rows:
-    """Decoded messages of a topic: arrival times (ns), and numeric values grouped by their field names."""
+    """Decoded messages of a topic: frames, arrival times (ns), and numeric values grouped by their field names."""
 
+    frames: tuple[str, str] = ("", "")
     received: list[int] = field(default_factory=list)
     numbers: dict[tuple[str, ...], list[tuple[int, Array]]] = field(default_factory=dict)
 
@@ -118,34 +130,46 @@ def read_bag(path: Path, columns: Columns | None) -> FlightData:
     if not rows:
         there = ", ".join(sorted(f"{topic} ({kind})" for topic, kind in kinds.items())[:20])
         raise ValueError(f"topics: none that is read holds a message; there is {there or 'none'}")
+    vehicles = _vehicles({topic: kinds[topic] for topic in rows})
+    words = [", ".join(sorted(each)) or "topics without a name of their own" for each in vehicles]
+    place, choices = choose_log(words, columns, 0, notes, "first vehicle")
+    read = _of_vehicle(kinds, vehicles, place)
     origin = min(min(each.received) for each in rows.values())
     tables = {topic: _table(each, origin, of_px4=kinds[topic].startswith(PX4)) for topic, each in rows.items()}
-    if of_px4 := {topic: each for topic, each in tables.items() if kinds[topic].startswith(PX4)}:
+    if of_px4 := {topic: each for topic, each in tables.items() if read.get(topic, "").startswith(PX4)}:
         delays = [np.min(each.received - each.time) for each in of_px4.values() if each.received is not None]
         moved = origin * NANO if columns is not None and columns.time == STAMP else float(min(delays))
         tables |= {topic: replace(each, time=each.time + moved) for topic, each in of_px4.items()}
-    usual = _usual(tables, kinds)
+    axes = MessageAxes(read, tables, {topic: each.frames for topic, each in rows.items()}, frozenset(mounts), notes)
+    usual = _usual(tables, read, axes)
     for name, signals in usual.items():
         if len(signals) > 1 and name not in own:
             listed = ", ".join(each.topic for each in signals)
             notes.append(f"{name}: there is {listed}; the fastest is taken unless a columns.toml names another.")
     facts: dict[str, str | float] = {f"topic {topic}": kind for topic, kind in sorted(kinds.items())[:100]}
+    facts |= choices
     flight = flight_of(path, tables, usual, columns, origin=origin * NANO, facts=facts, notes=notes)
-    return _in_base_axes(flight, {} if {"gyro", "accelerometer"} & set(own) else mounts)
+    turned = {"gyro", "accelerometer", "quaternion"} - {*own}
+    return _in_base_axes(flight, {} if len(turned & {"gyro", "accelerometer"}) < 2 else mounts, turned)
 
 
-def _in_base_axes(flight: FlightData, mounts: Mapping[str, tuple[Vec3, Quaternion]]) -> FlightData:
+def _in_base_axes(
+    flight: FlightData, mounts: Mapping[str, tuple[Vec3, Quaternion]], quantities: Collection[str]
+) -> FlightData:
     """Turn the readings of inertial units into base axes, and state the place of the accelerometer."""
-    for quantity in ("gyro", "accelerometer"):
+    for quantity in sorted(quantities):
         topic = flight[quantity].source.partition(":")[0] if quantity in flight else ""
         if topic in mounts:
             place, turn = mounts[topic]
-            turned = turn_vectors(np.array([[*turn]]), flight[quantity].values)
+            values = flight[quantity].values
+            if quantity == "quaternion":  # world to unit, then unit to base
+                turned = np.stack([*(Quaternion(*values.T) * turn.conjugate())], axis=1)
+            else:
+                turned = turn_vectors(np.array([[*turn]]), values)
             changed = {quantity: replace(flight[quantity], values=turned)}
-            facts = {**flight.facts, **dict(zip(PLACE, place, strict=True))}
-            flight = replace(
-                flight.with_channels(changed, f"{quantity}: is turned to {BASE} by {STATIC}."), facts=facts
-            )
+            stated = dict(zip(PLACE, place, strict=True)) if quantity == "accelerometer" else {}
+            flight = flight.with_channels(changed, f"{quantity}: is turned to {BASE} by {STATIC}.")
+            flight = replace(flight, facts={**flight.facts, **stated})
     return flight
 
 
@@ -173,8 +197,9 @@ def _mounts(reader: AnyReader) -> dict[str, tuple[Vec3, Quaternion]]:
 
 def _is_read(connection: Connection, topics: Collection[str]) -> bool:
     """True if a topic must be decoded: named by the mapping, of a known type, or any if the mapping names none."""
-    kind = connection.msgtype
-    return connection.topic in topics or kind in TYPES or kind in LISTS or ("" in topics and LARGE.search(kind) is None)
+    topic, kind = connection.topic, connection.msgtype
+    is_usual = (kind in TYPES or kind in LISTS) and TO_PX4 not in topic
+    return topic in topics or is_usual or ("" in topics and LARGE.search(kind) is None)
 
 
 def _read(reader: AnyReader, chosen: Collection[Connection], rows: dict[str, _Rows], notes: list[str]) -> None:
@@ -185,7 +210,7 @@ def _read(reader: AnyReader, chosen: Collection[Connection], rows: dict[str, _Ro
             try:
                 message = reader.deserialize(data, connection.msgtype)
                 numbers = {name: float(value) for name, value in _numbers_of(message, "")}
-                of_topic = rows.setdefault(connection.topic, _Rows())
+                of_topic = rows.setdefault(connection.topic, _Rows(_frames_of(message)))
                 alike = of_topic.numbers.setdefault(tuple(numbers), [])
                 alike.append((len(of_topic.received), np.array([*numbers.values()])))
                 of_topic.received.append(received)
@@ -197,6 +222,11 @@ def _read(reader: AnyReader, chosen: Collection[Connection], rows: dict[str, _Ro
         notes.append(f"bag: is damaged and read up to there ({type(error).__name__}: {error}).")
     if wrong:
         notes.append(f"bag: {wrong} messages cannot be decoded and are left out.")
+
+
+def _frames_of(message: Any) -> tuple[str, str]:
+    """Names of a message's frame and of its child frame; "" for one that it has not."""
+    return getattr(getattr(message, "header", None), "frame_id", ""), getattr(message, "child_frame_id", "")
 
 
 def _numbers_of(message: Any, place: str) -> Iterator[tuple[str, SupportsFloat]]:
@@ -212,7 +242,11 @@ def _numbers_of(message: Any, place: str) -> Iterator[tuple[str, SupportsFloat]]
                 entries = names if named and len(set(names)) == value.size else range(value.size)
                 yield from ((f"{at}[{entry}]", each) for entry, each in zip(entries, value.ravel(), strict=True))
         elif place.count(".") < DEEPEST:
-            yield from _numbers_of(value, f"{at}.")
+            each_of = (
+                {f"{at}[{k}].": each for k, each in enumerate(value)} if isinstance(value, list) else {f"{at}.": value}
+            )
+            for inner, each in each_of.items() if len(each_of) <= LONGEST_LIST else ():
+                yield from _numbers_of(each, inner)
 
 
 def _table(rows: _Rows, origin: int, *, of_px4: bool = False) -> RawTable:
@@ -246,26 +280,70 @@ def _table(rows: _Rows, origin: int, *, of_px4: bool = False) -> RawTable:
     return RawTable(columns={name: each[order] for name, each in columns.items()}, time=time, received=arrival)
 
 
-def _usual(tables: Mapping[str, RawTable], kinds: Mapping[str, str]) -> dict[str, list[QuantitySource]]:
-    """Default sources of each quantity, by the message types of the topics."""
+def _vehicles(kinds: Mapping[str, str]) -> list[frozenset[str]]:
+    """Words that the topics of each vehicle have alone, by topics of one type and last word; empty for one vehicle."""
+    for name in ("gyro", "position"):
+        alike = dict[tuple[str, str], list[frozenset[str]]]()
+        for topic in sorted(each for each, kind in kinds.items() if name in TYPES.get(kind, {})):
+            if NOT_MEASURED.search(topic) is None:
+                alike.setdefault((kinds[topic], topic.rpartition("/")[2]), []).append(frozenset(topic.split("/")))
+        for every in alike.values():
+            if len(every) > 1:
+                return [each - frozenset.intersection(*every) for each in sorted(every, key=len)]
+    return []
+
+
+def _of_vehicle(kinds: Mapping[str, str], vehicles: Sequence[frozenset[str]], place: int) -> dict[str, str]:
+    """Topics and their types without those of other vehicles: with their words, or as one of this vehicle without."""
+    own = vehicles[place] if vehicles else frozenset[str]()
+    others = frozenset[str]().union(*vehicles) - own
+    words = {topic: frozenset(topic.split("/")) for topic in kinds}
+    of_this = {each - own for each in words.values() if own & each}
+    return {topic: kinds[topic] for topic, each in words.items() if not others & each and each not in of_this}
+
+
+def _usual(tables: dict[str, RawTable], kinds: Mapping[str, str], axes: MessageAxes) -> dict[str, list[QuantitySource]]:
+    """Default sources of each quantity, by the types of the topics; shares of outputs are added to ``tables``."""
     sources: dict[str, list[QuantitySource]] = {}
     ranks = [*TYPES, *LISTS]
-    for topic in sorted((each for each in tables if kinds[each] in ranks), key=lambda each: ranks.index(kinds[each])):
+    for topic in sorted(
+        (each for each in tables if kinds.get(each) in ranks), key=lambda each: ranks.index(kinds[each])
+    ):
         table, kind, measured = tables[topic], kinds[topic], NOT_MEASURED.search(topic) is None
         for name, signals in TYPES.get(kind, {}).items() if measured else ():
-            held = (replace(each, topic=topic) for each in signals if _holds(table, each, name))
-            sources.setdefault(name, []).extend(held)
+            held = (axes.of(name, replace(each, topic=topic)) for each in signals if _holds(table, each, name))
+            sources.setdefault(name, []).extend(filter(None, held))
         for listed, place in LISTS.get(kind, {}).items():
             name = listed if measured else COMMANDS.get(listed, "")
-            if name and (entries := _usual_entries(table, f"{place}[")):
+            if name and (entries := _usual_entries(table, *place.split("[]"))):
                 names = tuple(match[1] for match in map(ENTRY.fullmatch, entries) if match)
-                sources.setdefault(name, []).append(QuantitySource(columns=entries, topic=topic, names=names))
+                unit = "rpm" if place.endswith(".rpm") else ""
+                source = QuantitySource(columns=entries, topic=topic, names=names, unit=unit)
+                if kind == OUTPUTS:
+                    source = _signals(tables, source, axes.notes)
+                sources.setdefault(name, []).extend([source] if source.columns else [])
     return sources
 
 
-def _usual_entries(table: RawTable, begin: str) -> tuple[str, ...]:
+def _signals(tables: dict[str, RawTable], source: QuantitySource, notes: list[str]) -> QuantitySource:
+    """Source of the shares of outputs to rotors, whose table is added; without columns if it has none."""
+    table = tables[source.topic]
+    sent = {name: table.numbers(name) for name in source.columns}
+    sent = {name: np.where((each >= PULSES[0]) & (each <= PULSES[1]), each, np.nan) for name, each in sent.items()}
+    pulses = replace(table, columns={name: each for name, each in sent.items() if np.isfinite(each).any()})
+    rotors = alike_outputs(pulses, [*pulses.columns], notes)
+    if rotors:
+        notes.append("rotor_commands: limits of 1000 and 2000 us are assumed; a columns.toml may state others.")
+    topic = SHARES.format(source.topic)
+    tables[topic] = shares_of(pulses, rotors, 1000.0, 2000.0)
+    return replace(source, columns=tuple(tables[topic].columns), topic=topic)
+
+
+def _usual_entries(table: RawTable, begin: str, end: str = "") -> tuple[str, ...]:
     """Columns of a topic's list with the most numbers; only named list entries if there are any."""
-    every = [each for each in table.columns if each.startswith(begin)]
+    every = [each for each in table.columns if each.startswith(f"{begin}[") and each.endswith(f"]{end}")]
+    if end:  # of a motor that is not there
+        every = [each for each in every if np.nan_to_num(table.columns[each]).any()]
     counts = {each: int(np.isfinite(table.columns[each]).sum()) for each in every}
     named = [each for each in every if ENTRY.fullmatch(each)] or every
     most = max((counts[each] for each in named), default=0)
@@ -278,6 +356,6 @@ def _holds(table: RawTable, source: QuantitySource, name: str) -> bool:
     return bool((np.nan_to_num(values) if name == "quaternion" else np.isfinite(values)).any())
 
 
-BAG = FlightFormat(read_bag, suffixes=("bag",), begins=(b"#ROSBAG V",))
-MCAP = FlightFormat(read_bag, suffixes=("mcap",), begins=(b"\x89MCAP0\r\n",))
-DATABASE = FlightFormat(read_bag, suffixes=(BAG_FOLDER,), begins=(b"SQLite format 3\0",))
+BAG = FlightFormat(read_bag, suffixes=("bag",), begins=(b"#ROSBAG V",), several=True)
+MCAP = FlightFormat(read_bag, suffixes=("mcap",), begins=(b"\x89MCAP0\r\n",), several=True)
+DATABASE = FlightFormat(read_bag, suffixes=(BAG_FOLDER,), begins=(b"SQLite format 3\0",), several=True)
