@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import re
 from pathlib import Path
 
@@ -372,7 +373,7 @@ def test_decimal_commas_are_numbers_in_a_table_that_they_do_not_separate(tmp_pat
 
 
 @pytest.mark.parametrize(
-    ("cell", "time"), [("[0.1, 0.2]", "3"), ("1", "2024-05-01T10:00:00"), ("1", "10:00:00.5"), ("nothing", "3")]
+    ("cell", "time"), [("[0.1, 0.2]", "3"), ("1", "01.05.2024 10:00:00"), ("1", "10.00.00,5"), ("nothing", "3")]
 )
 def test_a_column_without_any_number_is_named_with_its_first_cell(tmp_path: Path, cell: str, time: str) -> None:
     text = f't;p;q;r\n{time};"{cell}";2;3\n{time};"{cell}";2;3\n'
@@ -435,3 +436,93 @@ def test_only_a_table_of_text_may_name_another_file() -> None:
     log = FLIGHTS / "crazyflie" / "log15_from_20_to_23_s"
     with pytest.raises(ValueError, match=r"gyro.file = 'other.csv': must be left out of a format that is no table"):
         load_flight(log, columns_from(read_toml(gyro.encode())))
+
+
+def table_of_times(times: list[str]) -> str:
+    return "\n".join(["t,p,q,r", *(f"{time},{k},2,3" for k, time in enumerate(times))])
+
+
+@pytest.mark.parametrize("unit", ["s", "ms", "us", "ns"])
+@pytest.mark.parametrize("begin", ["1970-01-01T00:00:30", "2024-05-01T10:00:00"], ids=["since boot", "unix epoch"])
+@pytest.mark.parametrize("rate", [25, 200, 1000])
+def test_a_unit_of_time_that_is_not_stated_is_that_whose_rate_can_be_true(
+    tmp_path: Path, unit: str, begin: str, rate: int
+) -> None:
+    """Times are pandas' own since 1970."""
+    stamps = pd.date_range(begin, periods=60, freq=pd.Timedelta(1 / rate, "s"))
+    since = (
+        (stamps - pd.Timestamp(0)).total_seconds()
+        if unit == "s"
+        else (stamps - pd.Timestamp(0)) // pd.Timedelta(1, unit)
+    )
+    found = flight(tmp_path, table_of_times([f"{each}" for each in since]), TIME + GYRO)
+    np.testing.assert_allclose(found["gyro"].time, np.arange(60) / rate, atol=1e-6)
+    assert found.facts["start"] == pytest.approx(stamps[0].timestamp(), abs=1e-6)
+    assert (f"time: is taken for {unit}, as its steps are" in " ".join(found.notes)) == (unit != "s")
+    stated = flight(tmp_path, table_of_times([f"{each}" for each in since]), f'{TIME}unit = "{unit}"\n{GYRO}')
+    np.testing.assert_array_equal(stated["gyro"].time, found["gyro"].time)
+    assert stated.notes == ()
+
+
+@pytest.mark.parametrize(
+    ("step", "unit", "words"),
+    [
+        (100, "", r"time.unit: is missing; steps of 100 may be ms: 10 Hz, us: 1e\+04 Hz$"),
+        (5000, "s", r"time.unit = 's': cannot be true of steps of 5000; try us: 200 Hz$"),
+        (5000, "ms", r"time.unit = 'ms': cannot be true of steps of 5000; try us: 200 Hz$"),
+        (0.005, "us", r"time.unit = 'us': cannot be true of steps of 0.005; try s: 200 Hz$"),
+    ],
+)
+def test_times_of_which_no_unit_or_two_can_be_true_are_one_line(
+    tmp_path: Path, step: float, unit: str, words: str
+) -> None:
+    stated = f'unit = "{unit}"\n' if unit else ""
+    with pytest.raises(ValueError, match=r"columns\.toml: " + words):
+        flight(tmp_path, table_of_times([f"{step * k}" for k in range(60)]), TIME + stated + GYRO)
+
+
+def test_slow_times_in_seconds_stay_and_few_rows_are_not_judged(tmp_path: Path) -> None:
+    for step, rows, stated in ((0.15, 60, ""), (1.0, 9, ""), (1.5, 60, 'unit = "s"\n')):
+        found = flight(tmp_path, table_of_times([f"{step * k}" for k in range(rows)]), TIME + stated + GYRO)
+        np.testing.assert_allclose(found["gyro"].time, step * np.arange(rows), atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    "written",
+    [
+        "{:%Y-%m-%dT%H:%M:%S.%f}Z",
+        "{:%Y-%m-%d %H:%M:%S.%f}",
+        "{:%Y-%m-%dT%H:%M:%S.%f}000+00:00",
+        '"{:%Y-%m-%d %H:%M:%S,%f}"',
+    ],
+)
+@pytest.mark.parametrize("ends", ["\n", "\r\n", "\r"])
+def test_dates_of_iso_8601_are_times_beside_pandas(tmp_path: Path, written: str, ends: str) -> None:
+    stamps = pd.date_range("2024-05-01T10:00:00.5", periods=60, freq=pd.Timedelta(5, "ms"))
+    text = table_of_times([written.format(each) for each in stamps]).replace("\n", ends)
+    for unit in ("", 'unit = "us"\n'):
+        found = flight(tmp_path, text, TIME + unit + GYRO)
+        np.testing.assert_allclose(found["gyro"].time, (stamps - stamps[0]).total_seconds(), atol=2e-6)
+        assert found.facts["start"] == pytest.approx(stamps[0].timestamp(), abs=2e-6)
+        assert found.notes == ()
+
+
+def test_dates_of_another_zone_and_times_of_a_day_are_read(tmp_path: Path) -> None:
+    stamps = pd.date_range("2024-05-01T10:00:00", periods=20, freq=pd.Timedelta(5, "ms"), tz="Europe/Madrid")
+    found = flight(tmp_path, table_of_times([each.isoformat() for each in stamps]), TIME + GYRO)
+    assert found.facts["start"] == pytest.approx(stamps[0].timestamp(), abs=1e-6)
+    found = flight(tmp_path, table_of_times([f"{each:%H:%M:%S.%f}" for each in stamps]), TIME + GYRO)
+    np.testing.assert_allclose(found["gyro"].time, 0.005 * np.arange(20), atol=1e-6)
+    assert found.facts["start"] == pytest.approx(36_000.0)
+
+
+def test_a_table_as_windows_writes_it_is_read_beside_pandas(tmp_path: Path) -> None:
+    """Text of 16 bits, a line that names the separator, decimal commas and dates."""
+    rows = [f"2024-05-01 10:00:00,{5 * k:03d};{k},25;-2,5;3" for k in range(60)]
+    text = "\r\n".join(["t;p;q;r", *rows])
+    mapping = tmp_path / "columns.toml"
+    mapping.write_text(TIME + GYRO)
+    (tmp_path / "flight.csv").write_bytes(f"sep=;\r\n{text}".encode("utf-16"))
+    found, wanted = load_flight(tmp_path / "flight.csv"), pd.read_csv(io.StringIO(text), sep=";", decimal=",")
+    np.testing.assert_array_equal(found["gyro"].values, wanted[["p", "q", "r"]])
+    np.testing.assert_allclose(found["gyro"].time, 0.005 * np.arange(60), atol=1e-6)

@@ -4,7 +4,7 @@ A file has a table for each quantity of :data:`skyarm.flight_data.quantities.QUA
 
     [time]
     column = "t"
-    unit = "us"                       # s, ms, us or ns; s if left out
+    unit = "us"                       # s, ms, us or ns; if left out, that whose rate can be true
 
     [gyro]
     columns = ["p", "q", "-r"]        # a minus before a name turns the sign
@@ -103,14 +103,14 @@ class Columns:
     Attributes:
         signals: sources by name of the quantity.
         time: column of the time; the format's own if empty.
-        time_unit: s, ms, us or ns.
+        time_unit: s, ms, us or ns; by the steps of the times if empty.
         file: path that it was read from, for messages.
         log: number of the flight to read, of a file that holds several, from 1 on; 0 for the usual one.
     """
 
     signals: Mapping[str, QuantitySource] = field(default_factory=dict)
     time: str = ""
-    time_unit: str = "s"
+    time_unit: str = ""
     file: str = "columns"
     log: int = 0
 
@@ -140,7 +140,7 @@ def columns_from(document: object, file: str = "columns") -> Columns:
     tables = Fields(document, "")
     time = tables.inner("time")
     column = time.text("column") if "column" in time.table else ""
-    unit = time.choice("unit", tuple(TIMES), "s")
+    unit = time.choice("unit", tuple(TIMES)) if "unit" in time.table else ""
     time.done()
     signals = {}
     for name in tables.table:

@@ -86,6 +86,7 @@ def flight_of(
     chosen = {name: each for name, every in usual.items() if (each := _fastest(tables, every))}
     signals = {**chosen, **columns.signals}
     channels, said = dict[str, Channel](), list(notes)
+    columns = replace(columns, time_unit=_time_unit(columns, tables, said))
     for name in (each for each in QUANTITIES if each in signals):
         channel = _channel(name, signals[name], tables, columns, said)
         if name == "voltage" and channel.time.size and not channel.values.any():
@@ -219,6 +220,48 @@ def _usual_step(steps: npt.ArrayLike) -> float:
     return usual if usual > 0.0 and np.mean(np.abs(size - usual) <= NEAR * usual) >= REGULAR else 0.0
 
 
+FASTEST, SLOWEST, SLOWER = 20_000.0, 5.0, 0.5
+"""Rates (Hz) between which the fastest quantity of a flight lies, and below which none does."""
+
+SINCE, UNTIL = 9.5e8, 4.1e9
+"""Unix times (s) from 2000 to 2100."""
+
+
+def _time_unit(columns: Columns, tables: Mapping[str, RawTable], notes: list[str]) -> str:
+    """Unit of the times of a mapping: the stated one, or that with which rate and date can be true.
+
+    Raises:
+        ValueError: one line: a stated unit that cannot be true, or two units that can.
+    """
+    steps, dates = list[float](), list[float]()
+    for signal in columns.signals.values():
+        table, column = _holding(tables, signal), signal.time or columns.time
+        if table is not None and column and table.has(column, *signal.columns):
+            rows = np.stack([table.numbers(each) for each in (column, *signal.columns)])
+            time = rows[0, np.isfinite(rows).all(axis=0)]
+            rising = np.diff(time)[np.diff(time) > 0.0]
+            if rising.size >= FEWEST:
+                steps.append(float(np.median(rising)))
+                dates.append(float(np.median(time)))
+    if not steps:
+        return columns.time_unit or "s"
+    step, date, unit = min(steps), dates[0], columns.time_unit
+    able = [each for each, size in TIMES.items() if SLOWEST <= 1.0 / (step * size) <= FASTEST]
+    dated = [each for each in able if SINCE <= date * TIMES[each] <= UNTIL]
+    rates = ", ".join(f"{each}: {1.0 / (step * TIMES[each]):.4g} Hz" for each in able)
+    if unit and able and unit not in able and not SLOWER <= 1.0 / (step * TIMES[unit]) <= FASTEST:
+        raise ValueError(
+            f"{columns.file}: time.unit = {shown(unit)}: cannot be true of steps of {step:.4g}; try {rates}"
+        )
+    found = unit or next(iter([*dated, *(each for each in ("s",) if each in able)]), "")
+    if not found and len(able) > 1:
+        raise ValueError(f"{columns.file}: time.unit: is missing; steps of {step:.4g} may be {rates}")
+    found = found or (able[0] if able else "s")
+    if found != (unit or "s"):
+        notes.append(f"time: is taken for {found}, as its steps are {step:.4g}; a columns.toml may state another unit.")
+    return found
+
+
 def _time(name: str, signal: QuantitySource, table: RawTable, columns: Columns) -> Array:
     """Times (s) of the samples of a source."""
     column = signal.time or columns.time
@@ -226,7 +269,7 @@ def _time(name: str, signal: QuantitySource, table: RawTable, columns: Columns) 
         place = f"{name}.time" if signal.time else "time.column"
         raise ValueError(f"{columns.file}: {place} = {shown(column)}: {must_be_one_of(table.columns, column)}")
     if column:
-        return table.numbers(column) * TIMES[columns.time_unit]
+        return table.numbers(column) * TIMES[columns.time_unit or "s"]
     if not table.time.size:
         raise ValueError(f"{columns.file}: time.column: is missing; there are {comma_list(list(table.columns))}")
     return table.received if signal.stamp == "receive" and table.received is not None else table.time

@@ -5,14 +5,16 @@ from __future__ import annotations
 import csv
 import io
 import math
+import re
 from array import array
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
+from datetime import UTC, datetime
 from pathlib import Path
 
 import numpy as np
 
-from skyarm.flight_data.columns_file import Columns
+from skyarm.flight_data.columns_file import TIMES, Columns
 from skyarm.flight_data.flight_data import FlightData, FlightFormat
 from skyarm.flight_data.raw_tables import RawTable, flight_of
 from skyarm.records.arrays import Array
@@ -21,6 +23,9 @@ from skyarm.records.files.messages import comma_list
 
 SEPARATORS = ",;\t "
 """Possible column separators; the first that cuts the head and most rows into as many cells is used."""
+
+UTF_16 = b"\xff\xfe", b"\xfe\xff"
+"""First bytes of text of 16 bits, as Windows writes it."""
 
 JUDGED = 100
 """Number of rows by which the separator is chosen."""
@@ -52,8 +57,10 @@ def read_table(path: Path, columns: Columns | None) -> FlightData:
 
 def _table_of(path: Path, columns: Columns | None, notes: list[str]) -> RawTable:
     """Columns of a text file that a mapping names; the others are empty."""
-    text = path.read_bytes().decode("utf-8-sig", "replace")
-    head, _, body = text.replace("\r\n", "\n").replace("\r", "\n").lstrip("\n").partition("\n")
+    data = path.read_bytes()
+    text = data.decode("utf-16" if data.startswith(UTF_16) else "utf-8-sig", "replace")
+    text = re.sub(r"^\s*sep=.\n", "", text.replace("\r\n", "\n").replace("\r", "\n"))
+    head, _, body = text.lstrip("\n").partition("\n")
     first_rows = "\n".join(body.split("\n", JUDGED)[:JUDGED])
     separator = max(SEPARATORS, key=lambda each: (_alike(head, first_rows, each), head.count(each)))
     names = [name.strip() for name in next(_cells(head, separator), [])]
@@ -66,7 +73,9 @@ def _table_of(path: Path, columns: Columns | None, notes: list[str]) -> RawTable
     used = [name for name in dict.fromkeys(names) if name and mapped & {name, f"-{name}"}]
     if twice := sorted(name for name in used if names.count(name) > 1):
         raise ValueError(f"head = {shown(twice[0])}: names {names.count(twice[0])} columns: must name one")
-    rows = numbers_of_rows(body, {name: names.index(name) for name in used}, separator, len(names), notes)
+    unit = TIMES[columns.time_unit or "s"]
+    times = {name: unit for name in (columns.time, *(each.time for each in signals)) if name}
+    rows = numbers_of_rows(body, {name: names.index(name) for name in used}, separator, len(names), notes, times)
     if not len(rows):
         raise ValueError("rows = 0: must be one or more")
     others = dict.fromkeys(filter(None, names), np.zeros(0))  # not read: a mapping names none of them
@@ -80,7 +89,14 @@ def _alike(head: str, rows: str, separator: str) -> float:
     return sum(alike) / max(1, len(alike))
 
 
-def numbers_of_rows(body: str, places: Mapping[str, int], separator: str, width: int, notes: list[str]) -> Array:
+def numbers_of_rows(
+    body: str,
+    places: Mapping[str, int],
+    separator: str,
+    width: int,
+    notes: list[str],
+    times: Mapping[str, float] | None = None,
+) -> Array:
     """Numeric values (N, columns) of the rows; NaN for empty or non-numeric cells, and for incomplete rows.
 
     Args:
@@ -89,6 +105,7 @@ def numbers_of_rows(body: str, places: Mapping[str, int], separator: str, width:
         separator: sign between cells; other than a comma, cells may have decimal commas.
         width: number of cells in the head.
         notes: sentences on losses, extended here.
+        times: columns that may hold dates as ISO 8601 writes them, and the unit (s) of their numbers.
 
     Raises:
         ValueError: one line: a column without any number.
@@ -109,6 +126,9 @@ def numbers_of_rows(body: str, places: Mapping[str, int], separator: str, width:
                 row[k] = float(filled[place].replace(point, ".") or "nan")
                 decimal += "," in filled[place]
             except ValueError:
+                if times and name in times and not math.isnan(seconds := _unix_time(filled[place])):
+                    row[k] = seconds / times[name]
+                    continue
                 first_wrong.setdefault(name, filled[place][:40])
                 wrong += 1
         numbers.extend(row)
@@ -119,12 +139,21 @@ def numbers_of_rows(body: str, places: Mapping[str, int], separator: str, width:
     for name, column in zip(places, table.T, strict=True):
         if name in first_wrong and np.isnan(column).all():
             cell = shown(first_wrong[name])
-            raise ValueError(f"{name} = {cell}: must be a number in each cell; split lists, and write times as numbers")
+            raise ValueError(f"{name} = {cell}: must be a number in each cell; split lists, write times as ISO 8601")
     if wrong:
         notes.append(f"file: {wrong} cells are no numbers and count as empty.")
     if decimal:
         notes.append(f"file: {decimal} cells have a decimal comma.")
     return table
+
+
+def _unix_time(cell: str) -> float:
+    """Unix time (s) of a date as ISO 8601 writes it, UTC where it states no zone; NaN if it is none."""
+    try:
+        date = datetime.fromisoformat(cell if "-" in cell[1:] else f"1970-01-01T{cell}")
+    except ValueError:
+        return math.nan
+    return (date if date.tzinfo else date.replace(tzinfo=UTC)).timestamp()
 
 
 def _cells(text: str, separator: str) -> Iterator[list[str]]:
