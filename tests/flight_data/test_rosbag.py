@@ -438,6 +438,7 @@ def test_an_inertial_unit_that_fixed_transforms_turn_is_read_in_base_axes(tmp_pa
     turns = {name: Rotation.random(random_state=k) for k, name in enumerate(links)}
     places = {name: rng.uniform(-0.2, 0.2, 3) for name in links}
     rates = {frame: rng.normal(size=(20, 3)) for frame in ("imu_link", "lost_link")}
+    poses = Rotation.random(20, random_state=9)
 
     def messages(store: Any, kind: str, frame: str) -> list[tuple[str, str, int, Any]]:
         make, found = Messages(store, kind), []
@@ -451,6 +452,9 @@ def test_an_inertial_unit_that_fixed_transforms_turn_is_read_in_base_axes(tmp_pa
             found.append(("/tf_static", "tf2_msgs/msg/TFMessage", START, made))
         for k, rate in enumerate(rates[frame]):
             read = make.imu(START + k * 10**7, rate, 2.0 * rate)
+            read = dataclasses.replace(
+                read, orientation=make.turn(poses[k].as_quat(scalar_first=True)), orientation_covariance=np.zeros(9)
+            )
             read.header.frame_id = frame
             found.append(("/imu", "sensor_msgs/msg/Imu", START + k * 10**7, read))
         return found
@@ -463,6 +467,8 @@ def test_an_inertial_unit_that_fixed_transforms_turn_is_read_in_base_axes(tmp_pa
     flight, turn = flight_in("imu_link"), turns["plate"] * turns["imu_link"]
     np.testing.assert_allclose(flight["gyro"].values, turn.apply(rates["imu_link"]), atol=1e-12)
     np.testing.assert_allclose(flight["accelerometer"].values, turn.apply(2.0 * rates["imu_link"]), atol=1e-12)
+    attitude = Rotation.from_quat(flight["quaternion"].values, scalar_first=True)
+    assert (attitude.inv() * poses * turn.inv()).magnitude().max() < 1e-7
     place = places["plate"] + turns["plate"].apply(places["imu_link"])
     np.testing.assert_allclose([*flight.place.values()], place, atol=1e-12)
     assert "gyro: is turned to base_link by /tf_static." in flight.notes
@@ -757,3 +763,30 @@ def test_odometry_of_px4_is_read_right_or_left_out_with_its_axes(
         np.testing.assert_allclose(found["velocity"].values, flip.apply(velocity), atol=1e-6)
     else:
         assert "velocity: of /fmu/out/vehicle_odometry is left out" in notes
+
+
+def test_rates_before_the_filters_are_read_and_nothing_that_is_sent_to_px4(tmp_path: Path) -> None:
+    """A pose of a motion capture that is sent to PX4 bears the clock of its sender."""
+    store, sent = get_typestore(Stores.ROS2_HUMBLE), []
+    texts = {
+        "VehicleOdometry": NEW,
+        **dict.fromkeys(("VehicleAngularVelocity", "VehicleAcceleration"), "uint64 timestamp\nfloat32[3] xyz\n"),
+    }
+    for name, text in texts.items():
+        store.register(get_types_from_msg(text, f"px4_msgs/msg/{name}"))
+    make = {name: store.types[f"px4_msgs/msg/{name}"] for name in texts}
+    for k in range(12):
+        when, stamp = START + 10**7 * k, 30_000_000 + 10_000 * k
+        numbers = np.array([k, 2, 3], np.float32)
+        pose = make["VehicleOdometry"](START // 1000 + k, 2, numbers, np.array([1, 0, 0, 0], np.float32), 2, numbers)
+        sent.append((when, "/fmu/in/vehicle_visual_odometry", pose))
+        for name, topic in (
+            ("VehicleAngularVelocity", "vehicle_angular_velocity"),
+            ("VehicleAcceleration", "vehicle_acceleration"),
+        ):
+            sent.append((when, f"/fmu/out/{topic}", make[name](stamp, numbers)))
+    found = load_flight(write_rows(tmp_path, "mcap", store, sent))
+    assert set(found) == {"gyro", "accelerometer"}
+    for name in found:
+        np.testing.assert_array_equal(found[name].values, np.stack([[k, -2.0, -3.0] for k in range(12)]))
+        np.testing.assert_allclose(found[name].time, 0.01 * np.arange(12), atol=1e-6)
