@@ -481,6 +481,13 @@ def test_times_of_which_no_unit_or_two_can_be_true_are_one_line(
         flight(tmp_path, table_of_times([f"{step * k}" for k in range(60)]), TIME + stated + GYRO)
 
 
+def test_a_date_tells_two_units_apart(tmp_path: Path) -> None:
+    for begin, rate in ((1_714_557_600_000, 10.0), (1_714_557_600_000_000, 10_000.0)):  # ms and us since 1970
+        found = flight(tmp_path, table_of_times([f"{begin + 100 * k}" for k in range(60)]), TIME + GYRO)
+        np.testing.assert_allclose(found["gyro"].time, np.arange(60) / rate, atol=1e-6)
+        assert found.facts["start"] == pytest.approx(1_714_557_600.0)
+
+
 def test_slow_times_in_seconds_stay_and_few_rows_are_not_judged(tmp_path: Path) -> None:
     for step, rows, stated in ((0.15, 60, ""), (1.0, 9, ""), (1.5, 60, 'unit = "s"\n')):
         found = flight(tmp_path, table_of_times([f"{step * k}" for k in range(rows)]), TIME + stated + GYRO)
