@@ -14,7 +14,7 @@ TESTS ?=
 NUMBERS ?=
 GATES := types test docs fresh thorough attack digests browser peers ray warp
 
-.PHONY: all reproduce test types pytest test-lowest docs films envelope numbers fresh browser thorough attack digests mutants bench peers ray warp lint hooks clean help
+.PHONY: all reproduce test types pytest test-lowest docs films envelope numbers fresh browser thorough attack digests mutants bench peers ray warp real lint hooks clean help
 
 help:
 	@echo "make reproduce    fly the paper's five experiments on both plants; OUT=$(OUT) is the folder of the results"
@@ -36,6 +36,7 @@ help:
 	@echo "make peers        fly the other libraries of the bench once, in $(PEERS): two minutes; docs/performance.md has the long form"
 	@echo "make ray          sweeps on a Ray cluster of two nodes on this machine, one of them killed, in $(RAY): some minutes"
 	@echo "make warp         step every exported vehicle in MuJoCo Warp, on the CPU, and Newton beside MuJoCo, in $(WARP): some minutes"
+	@echo "make real         identify on half of each public flight, predict the other; fetches 20 MB into out/real once, or REAL_LOGS=FOLDER; a quarter of an hour; no gate of 'make all'"
 	@echo "make lint         ruff, import contract"
 	@echo "make types        mypy"
 	@echo "make hooks        run lint's quick parts before each commit (pre-commit, in $(VENV))"
@@ -198,6 +199,10 @@ $(WARP)/.installed: pyproject.toml constraints.txt
 
 warp: $(WARP)/.installed
 	$(WARP)/bin/python tests/plant/step_exported.py
+
+# a gate for people: of what strangers' hosts still hold, and of real vehicles that no model explains
+real: $(VENV)/.test
+	$(BIN)/python tests/studies/identify/measure_real.py
 
 hooks: $(VENV)/.types
 	$(BIN)/python $(PIP) -c constraints.txt pre-commit
