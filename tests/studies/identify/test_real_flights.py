@@ -74,7 +74,7 @@ def written(folder: Path, rows: str = "") -> FlightData:
 
 
 def test_a_log_of_a_folder_is_fitted_on_one_half_and_predicted_on_the_other(tmp_path, monkeypatch, capsys):
-    """The folder's own list counts; a log that is missing and one of another SHA-256 are named, in one line each."""
+    """Its own list counts; a missing log and one of another SHA-256 are named. Take-off and landing are cut."""
     more = """
 [[flights]]
 name = "away"
@@ -98,7 +98,7 @@ rate = 500
     printed = capsys.readouterr()
     heads, _, row, heavy = [line.strip("| ").split(" | ") for line in printed.out.strip().splitlines()]
     cells = dict(zip(heads, row, strict=True))
-    assert (cells["flight"], cells["commands, Hz"], cells["each half, s"]) == ("ours", "500", "4")
+    assert (cells["flight"], cells["commands, Hz"], cells["each half, s"]) == ("ours", "500", "3")
     assert float(cells["identified, rad/s"]) < float(cells["hold, rad/s"])
     assert 0.0 <= float(cells["coverage, %"]) <= 100.0
     assert heavy[0] == "too heavy"
