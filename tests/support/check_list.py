@@ -18,7 +18,7 @@ from skyarm.studies.assess.pressing_flights import QUESTION as IN_FLIGHT
 from skyarm.studies.assess.push_limits import ASSUMED, HALF, WARNS
 from skyarm.studies.assess.survival_limits import KINDS
 from skyarm.studies.assess.survival_limits import QUESTION as CALM
-from skyarm.studies.assess.thrust import ENOUGH, FAULTS, LEAST_SHARE, WARNINGS
+from skyarm.studies.assess.thrust import ENOUGH, FAULTS, LEAST_SHARE, SLOWEST_ZERO, WARNINGS
 
 VEHICLE, SCENARIO = "vehicle", "scenario"
 
@@ -147,6 +147,14 @@ CHECKS: tuple[Check, ...] = (
         f"largest mass at the tip with a thrust margin of {ENOUGH:g} in every pose; "
         "warning if it is zero, fault if `--payload` is more",
         "carry at most this mass, or strengthen the rotor or joint that is named",
+    ),
+    Check(
+        VEHICLE,
+        "side force of torques",
+        "warning",
+        "unstable zero of the position, where leaning rotors push against the tilt that they make; "
+        f"warning below {SLOWEST_ZERO:g} rad/s",
+        "lean the rotors inward, or a lower bandwidth",
     ),
     Check(
         VEHICLE,

@@ -234,8 +234,21 @@ def _gyration(body: Body, moment: float) -> float:
     return math.sqrt(max(moment, 0.0) / mass) if mass > 0.0 else (math.inf if moment > 0.0 else 0.0)
 
 
+SPINNING = 0.1
+"""Largest plausible share of what the rotors turn in the base's inertia about their axes; multirotors: below 0.02."""
+
+
 def _rotors(vehicle: Vehicle) -> Iterator[str]:
-    """Warning about a total thrust at full speed that is far from the vehicle's weight."""
+    """Warnings about spin inertias, and about a total thrust at full speed that is far from the vehicle's weight."""
+    spins = [(float(each.inertia), each) for each in vehicle.rotors]
+    for most, rotor in sorted(spins, key=lambda spin: -spin[0])[:1]:
+        whole = float(rotor.axis.dot(vehicle.base.inertia.apply(rotor.axis)))
+        if sum(spin for spin, _ in spins) > SPINNING * whole:
+            yield (
+                f"rotors[{rotor.name}].inertia = {most:g} kg m^2: with {len(spins)} rotors is more than {SPINNING:.0%} "
+                f"of the base's {whole:.3g}, as a link that only stands in for a propeller has; motor and propeller "
+                f'alone, or none: [[rotors]] name = "{rotor.name}", inertia = 0, and so for each?'
+            )
     weight, top = float(vehicle.mass) * EARTH, float(highest_thrust(vehicle)) if vehicle.rotors else math.nan
     if not 0.0 <= top < math.inf or MARGINS[0] * weight <= top <= MARGINS[1] * weight:
         return

@@ -39,7 +39,14 @@ from skyarm.studies.assess.pressing_flights import pressing_flights
 from skyarm.studies.assess.push_limits import push_limits
 from skyarm.studies.assess.survival_limits import QUESTION as CALM
 from skyarm.studies.assess.survival_limits import flight_together, survival_limits
-from skyarm.studies.assess.thrust import OWN_LAW, largest_payload, largest_side_force, thrust_margin, torque_authority
+from skyarm.studies.assess.thrust import (
+    OWN_LAW,
+    largest_payload,
+    largest_side_force,
+    side_forces,
+    thrust_margin,
+    torque_authority,
+)
 from skyarm.studies.stability.hover_delay import hover_delay_if_known, hover_digest
 from skyarm.vehicle import Vehicle, VehicleError
 from skyarm.vehicle.vehicle_files import load_vehicle
@@ -261,7 +268,7 @@ def _vehicle_findings(poses: ArmPoses, payload: float, file: str) -> list[Findin
             findings += thrust_margin(loaded)
         findings += joint_torques(loaded)
     if turned:
-        findings += torque_authority(loads[-1])
+        findings += [*torque_authority(loads[-1]), *side_forces(loads[-1])]
         findings += [*largest_payload(poses, payload), *largest_side_force(vehicle, gravity, payload)]
     endurance = [each for loaded in loads for each in time_aloft(loaded.vehicle, gravity, loaded.held)]
     return [*findings, *arm_workspace(poses), *endurance]

@@ -9,7 +9,7 @@ import numpy as np
 
 from skyarm.dynamics.actuators.hover import ROUNDING, highest_thrust
 from skyarm.dynamics.array_front import mass_matrix
-from skyarm.records.arrays import Array, doubles
+from skyarm.records.arrays import Array, doubles, float_array
 from skyarm.studies.assess.arm_poses import WRENCH, ArmPoses, hanging_joints
 from skyarm.studies.assess.finding import FAULT, NOTE, OK, WARNING, Finding, at_least
 from skyarm.studies.assess.joints import effort_limits
@@ -80,12 +80,17 @@ def torque_authority(poses: ArmPoses) -> list[Finding]:
 
     The worst pose is that of the least acceleration: an arm that is stretched out adds inertia and takes no torque.
     """
-    directions = [sign * np.eye(WRENCH)[axis] for axis in range(3) for sign in (1.0, -1.0)]
+    sides, directions = _sides(poses), [sign * np.eye(WRENCH)[axis] for axis in range(3) for sign in (1.0, -1.0)]
 
     def quantities(joints: Array) -> Array:
         squared, inertias = poses.squared_speeds(joints), locked_inertia(poses.vehicle, joints)
         rooms = (poses.allocation.room(squared, direction) for direction in directions)
-        return np.stack([room / inertias[:, i // 2, i // 2] for i, room in enumerate(rooms)])
+        least = np.stack([room / inertias[:, i // 2, i // 2] for i, room in enumerate(rooms)])
+        if sides.any():  # leaning rotors push sideways where they turn: that has a torque about the centre of mass only
+            M = _mass_matrix(poses.vehicle, joints)
+            lost = M[:, 3:6, :2] @ sides / M[:, :1, :1]
+            least *= 1.0 - lost.diagonal(axis1=1, axis2=2).T.repeat(2, axis=0)
+        return least
 
     least, at = poses.worst(quantities)
     findings = []
@@ -96,11 +101,41 @@ def torque_authority(poses: ArmPoses) -> list[Finding]:
         text = f"rotors can add {max(torque, 0.0):.3g} N m to hover either way, {max(acceleration, 0.0):.3g} rad/s^2"
         text = text if acceleration >= FAULTS[axis] else f"cannot be turned: {text}"
         fields = "rotors.direction, rotors.moment_coefficient" if name == "yaw" else "rotors.position"
-        fields += ", base.inertia"
+        fields += ", base.inertia" + ", rotors.axis" * bool(sides.any())
         words = (f"{name} authority", acceleration, text, fields, f"check {fields}; more thrust margin")
         fault, warning = FAULTS[axis], WARNINGS[axis]
         findings.append(at_least(*words, fault=fault, warning=warning, unit="rad/s^2", joints=at[i]))
     return findings
+
+
+SLOWEST_ZERO = 20.0
+"""Unstable zero (rad/s) of the position below which shipped laws are too fast; their attitude has 10 to 20 rad/s."""
+
+
+def side_forces(poses: ArmPoses) -> list[Finding]:
+    """Warning about leaning rotors that push the base against its tilt while they tilt it.
+
+    A tilt a about x or y moves the base by g a - e a'', where e a'' is the side force: a zero at sqrt(g / e).
+    """
+    joints = poses.joints[:1]
+    pushed = _sides(poses) @ locked_inertia(poses.vehicle, joints)[0] / float(poses.vehicle.mass)
+    against = max(float(pushed[1, 0]), -float(pushed[0, 1]))
+    zero = math.sqrt(poses.gravity / against) if against > 0.0 else math.inf
+    text = f"rotors push against the tilt that they make: an unstable zero of the position at {zero:.3g} rad/s"
+    remedy = "lean rotors.axis inward, or take a law with a slower attitude: controller.bandwidth = 0.3"
+    words = ("side force of torques", WARNING, text, "rotors.axis", remedy, zero, SLOWEST_ZERO, "rad/s")
+    return [Finding(*words)] if zero < SLOWEST_ZERO else []
+
+
+def _sides(poses: ArmPoses) -> Array:
+    """Force (2, 3) along x and y per torque of the rotors about the base's axes, N per N m."""
+    thrusts = [float(rotor.thrust_coefficient) * float_array(rotor.axis) for rotor in poses.vehicle.rotors]
+    return doubles(np.transpose(thrusts)[:2] @ poses.allocation.inverse[:, :3])
+
+
+def _mass_matrix(vehicle: Vehicle, joints: Array) -> Array:
+    still, level = np.zeros((len(joints), 3)), np.tile([1.0, 0.0, 0.0, 0.0], (len(joints), 1))
+    return mass_matrix(vehicle, still, level, joints)
 
 
 def locked_inertia(vehicle: Vehicle, joints: Array) -> Array:
@@ -108,8 +143,7 @@ def locked_inertia(vehicle: Vehicle, joints: Array) -> Array:
 
     Joints that hang give way: they add the inertia that is felt while no torque acts about them.
     """
-    still, level = np.zeros((len(joints), 3)), np.tile([1.0, 0.0, 0.0, 0.0], (len(joints), 1))
-    M = mass_matrix(vehicle, still, level, joints)
+    M = _mass_matrix(vehicle, joints)
     hanging = hanging_joints(vehicle)
     if hanging:
         free = [0, 1, 2, *(6 + i for i in hanging)]
