@@ -6,11 +6,13 @@ import json
 import re
 from dataclasses import replace
 
+import mujoco
 import numpy as np
 import pytest
 
 import skyarm as package
 from skyarm.algebra import Mat3
+from skyarm.vehicle import vehicle_files
 from skyarm.vehicle.vehicle_files import load_vehicle
 from support.cases import joint, limits, link, robot, saved
 from support.commands import refused, skyarm
@@ -169,7 +171,10 @@ def test_the_gap_of_a_tilt_is_left_out_until_it_is_filled(folder, ranges):
     [
         (("law", "mine", "--from", "r.urdf"), "--from = 'r.urdf': must be left out unless KIND is vehicle"),
         (("vehicle", "mine", "--tip", "upper"), "--tip = 'upper': must stand beside --from"),
-        (("vehicle", "mine", "--from", "r.urdf", "--tip", "hand"), "--tip = 'hand': must be one of base, upper, p0"),
+        (
+            ("vehicle", "mine", "--from", "r.urdf", "--tip", "hand"),
+            "r.urdf: --tip = 'hand': must be one of base, upper, p0",
+        ),
         (("vehicle", "mine", "--from", "gone.urdf"), "vehicle = 'gone.urdf': no such file"),
         (
             ("vehicle", "mine", "--from", "open.toml"),
@@ -254,6 +259,16 @@ def test_rotors_that_ride_on_a_joint_are_kept_and_the_joint_is_asked_for(folder)
     saved(folder, by_hand, "hand.toml")
     assert len(load_vehicle("mine.toml").rotors) == 4
     assert load_vehicle("mine.toml").rotors == load_vehicle("hand.toml").rotors
+    spec = mujoco.MjSpec.from_string(text)
+    spec.compiler.fusestatic = False
+    spec.worldbody.bodies[0].add_freejoint()
+    model = spec.compile()
+    data = mujoco.MjData(model)
+    data.joint("shoulder").qpos[:] = 0.3
+    mujoco.mj_kinematics(model, data)
+    for rotor in load_vehicle("mine.toml").rotors:
+        assert list(rotor.position) == pytest.approx(data.body(rotor.name).xpos, abs=1e-15)
+        assert list(rotor.axis) == pytest.approx(data.body(rotor.name).xmat.reshape(3, 3)[:, 2], abs=1e-15)
 
 
 def test_a_file_without_rotors_gets_an_entry_to_fill_and_no_circle(folder):
@@ -281,6 +296,31 @@ def test_lags_that_no_file_states_are_marked_as_assumed(folder):
     saved(folder, "".join(each for each in kept if "time_constant" not in each), "bare.toml")
     assert skyarm("new", "vehicle", "again", "--from", "bare.toml").code == 0
     assert "time_constant_up = 0.0125  # assumed: " in (folder / "again.toml").read_text("utf-8")
+
+
+def test_lags_that_a_file_of_the_file_states_are_not_assumed(folder):
+    """Those of an airframe or of the library, also where they are the numbers that would be assumed."""
+    saved(folder, quad().replace("0.014", "0.0125"))
+    saved(folder, 'schema = 1\nname = "a"\nairframe = "r.urdf"\n', "on.toml")
+    for source in ("on.toml", "hummingbird"):
+        assert skyarm("new", "vehicle", "again", "--from", source, "--force").code == 0
+        text = (folder / "again.toml").read_text("utf-8")
+        assert "time_constant_up = 0.0125" in text
+        assert "assumed" not in text
+
+
+def test_a_file_with_gaps_is_read_once(folder, monkeypatch):
+    saved(folder, quad(("maxRotVelocity",)))
+    read = vehicle_files.read_rigid
+    calls = []
+    monkeypatch.setattr(vehicle_files, "read_rigid", lambda *words: calls.append(words) or read(*words))
+    assert skyarm("new", "vehicle", "mine", "--from", "r.urdf").code == 0
+    assert len(calls) == 1
+
+
+def test_one_body_is_not_said_to_be_bodies(folder):
+    done = skyarm("export", "hummingbird", "--to", "urdf", "--out", "h.urdf")
+    assert done.out == "h.urdf: hummingbird, 1 body, 0 joints, 4 actuators\n"
 
 
 def test_a_vehicle_with_a_fault_is_not_said_to_fly(folder):

@@ -96,7 +96,7 @@ def test_words_that_are_like_nothing_are_not_guessed_at() -> None:
     assert must_be_one_of(("alpha", "beta"), "zzz") == "must be one of alpha, beta"
     assert must_be_one_of(("alpha", "beta"), 3) == "must be one of alpha, beta"
     assert must_be_one_of(("alpha", "beta"), "ALPHA") == "did you mean 'alpha'? must be one of alpha, beta"
-    assert must_be_one_of((), "x") == "must be one of none"
+    assert must_be_one_of((), "x") == "must be left out: there is none"
 
 
 NAME = "Flug ü 試験"

@@ -10,7 +10,7 @@ import pytest
 
 from skyarm.algebra import Mat3
 from skyarm.dynamics import mass_matrix
-from skyarm.vehicle import VehicleError
+from skyarm.vehicle import VehicleError, vehicle_tables
 from skyarm.vehicle.held_joints import hold_joints
 from skyarm.vehicle.stated_rotors import NEEDED
 from skyarm.vehicle.urdf import read_urdf, urdf_vehicle
@@ -245,6 +245,11 @@ def test_a_rotor_on_a_link_that_moves_names_the_joint(tmp_path):
     assert gap.startswith(
         'rotors lift: ride on a link that joint shoulder moves; hold it: [[joints]] name = "shoulder"'
     )
+    held = loaded(tmp_path, quad(more=(riding,)), '[[joints]]\nname = "shoulder"\nhold = 0.4\n')
+    _, data = mujoco_matrix(quad(more=(riding,)), {"shoulder": 0.4})
+    (lift,) = (each for each in held.rotors if each.name == "lift")
+    assert list(lift.position) == pytest.approx(data.body("lift").xipos, abs=1e-15)
+    assert list(lift.axis) == pytest.approx(data.body("lift").xmat.reshape(3, 3)[:, 2], abs=1e-15)
 
 
 @pytest.mark.parametrize(
@@ -284,6 +289,16 @@ def test_numbers_that_must_be_stated_have_no_default(tmp_path):
         load_vehicle(saved(tmp_path, own, "o.toml"))
     whole = own.replace("time_constant_up", "max_speed = 900.0\ntime_constant_down = 0.03\ntime_constant_up")
     assert load_vehicle(saved(tmp_path, whole, "w.toml")).rotors[0].max_speed == 900.0
+
+
+def test_a_vehicle_of_too_many_joints_is_refused_unless_some_are_held(tmp_path, monkeypatch):
+    monkeypatch.setattr(vehicle_tables, "MOST_JOINTS", 2)
+    with pytest.raises(
+        VehicleError, match="number of joints = 3: must be at most 2, for its mass matrix takes minutes"
+    ):
+        loaded(tmp_path, CHAIN)
+    held = '[[joints]]\nname = "jb"\nhold = 0.1\n'
+    assert loaded(tmp_path, CHAIN, held).joint_names == ("ja", "jc")
 
 
 CHAIN = robot(

@@ -211,6 +211,12 @@ def test_world_gives_its_only_moving_model_or_the_named_one(tmp_path):
         read_sdf(path)
 
 
+def test_a_blade_of_no_link_is_refused_in_one_line(tmp_path):
+    lift = '<plugin name="Lift"><cla>4</cla><link_name>r9</link_name></plugin>'
+    with pytest.raises(VehicleError, match=r"plugin\[Lift\].link_name = 'r9': did you mean 'r0'\? must be one of "):
+        load_vehicle(written(tmp_path, model(QUAD + lift)))
+
+
 def test_toml_completes_rotors_of_blades_and_takes_an_sdf_arm(tmp_path):
     lift = "".join(f'<plugin name="Lift"><cla>4</cla><link_name>r{i}</link_name></plugin>' for i in range(4))
     path = written(tmp_path, model(QUAD + lift))

@@ -16,6 +16,7 @@ import pytest
 from skyarm import load_vehicle
 from skyarm.control.laws.centroidal.make import make_centroidal
 from skyarm.control.model import Model
+from skyarm.scenario.unlikely_numbers import unlikely_in_vehicle
 from skyarm.vehicle import Vehicle
 from skyarm.vehicle.check import VehicleError
 
@@ -171,6 +172,18 @@ def test_limits_of_a_thrust_link_are_newtons_and_its_axis_the_sense(tmp_path: Pa
         # JSK: torque on the body = m_f_rate times z of the joint's axis, per thrust; ours is against the sense
         assert -rotor.direction * float(rotor.moment_coefficient) == pytest.approx(-0.015 * turn)
         assert float(rotor.inertia) == pytest.approx(2e-6)
+
+
+def test_the_cure_of_a_link_that_only_stands_in_for_a_propeller_works(tmp_path: Path) -> None:
+    heavy = robot(*JSK).replace("1e-6", "1e-3").replace("2e-6", "1e-3")
+    assert heavy != robot(*JSK)
+    filled = f"{LAGS}max_speed = 1500.0\n"
+    (line,) = (each for each in unlikely_in_vehicle(loaded(tmp_path, heavy, filled)) if "inertia" in each)
+    assert line.startswith("rotors[rotor1].inertia = 0.001 kg m^2: with 2 rotors is more than 10% of the base's ")
+    cured = "".join(f'[[rotors]]\nname = "rotor{k}"\ninertia = 0\n' for k in (1, 2))
+    vehicle = loaded(tmp_path, heavy, filled + cured)
+    assert [each.inertia for each in vehicle.rotors] == [0, 0]
+    assert not [each for each in unlikely_in_vehicle(vehicle) if "inertia" in each]
 
 
 def test_rotors_on_an_arm_are_gaps_that_name_the_joint(tmp_path: Path) -> None:
@@ -381,7 +394,7 @@ def test_a_xacro_file_is_expanded_with_its_arguments(macros: Path) -> None:
     )
     assert float(whole.mass) == pytest.approx(1.0)
     for text, error in (
-        (MACROS, "Undefined substitution argument mass"),
+        (MACROS, "arguments mass are missing"),
         (MACROS.replace("parts_of_ours", "parts_of_nobody"), "Package not found: parts_of_nobody"),
         (MACROS.replace("parts.xacro", "none.xacro"), "No such file"),
         (MACROS.replace("2 * $(arg mass)", "2 +* 1"), "invalid syntax"),
@@ -397,6 +410,21 @@ def test_a_xacro_file_is_expanded_with_its_arguments(macros: Path) -> None:
     (macros / "r.xacro").write_text(MACROS, "utf-8")
     (macros / "w.toml").write_text(f"{whole}, {table}".replace(", ", "\n").replace("] NAME = VALUE", "]\nmass = 0.9"))
     assert float(load_vehicle(macros / "w.toml").mass) == pytest.approx(1.8)
+
+
+def test_all_missing_arguments_of_a_xacro_file_stand_in_one_line(macros: Path) -> None:
+    """Also those that stand behind the first one, in names of files and in expressions."""
+    pytest.importorskip("xacrodoc", reason="needs the extra 'xacro'")
+    more = '<link name="$(arg prefix)_tip"/><joint name="j" type="fixed"><parent link="$(arg hull)"/>'
+    more += '<child link="$(arg prefix)_tip"/></joint></robot>'
+    text = MACROS.replace('name="r">', 'name="r"><xacro:arg name="hull" default="hull"/>').replace("</robot>", more)
+    with pytest.raises(VehicleError) as refused:
+        loaded(macros, text, suffix=".xacro")
+    said = str(refused.value)
+    assert "xacro: arguments mass, prefix are missing: must expand; " in said
+    assert said.endswith("in the table [xacro] mass = VALUE, prefix = VALUE")
+    vehicle = loaded(macros, text, "[xacro]\nmass = 0.35\nprefix = 'left'\n", suffix=".urdf.xacro")
+    assert [each.name for each in vehicle.frames] == ["left_tip"]
 
 
 def test_a_package_is_found_by_the_name_it_states(macros: Path) -> None:

@@ -39,7 +39,8 @@ from skyarm.scenario.scenario_record import HIGHEST_RATE, first_state
 from skyarm.sensing.sensor_kinds import ImuReading, mount_rotation, reads
 from skyarm.vehicle import BASE, Frame
 from skyarm.vehicle.robot_text import actuator_names
-from skyarm.vehicle.vehicle_files import RIGID, list_vehicles, load_vehicle
+from skyarm.vehicle.vehicle_files import list_vehicles, load_vehicle
+from skyarm.vehicle.vehicle_tables import RIGID
 
 RATE, SLOWEST = 200.0, 1e-3
 """Default control rate (Hz) of an exported law, that of scenarios, and lowest plausible one."""
@@ -52,6 +53,8 @@ LATEST = 2.0**31 - 1.0
 
 SUFFIXES = {"c": (".c",), "mjcf": (".xml", ".mjcf")}
 """Format of a law or vehicle -> suffixes of its files, where these are others than its name."""
+
+ONE = {"bodies": "body", "joints": "joint", "actuators": "actuator"}
 
 OF_LAWS = ("--rate", "--name", "--float32")
 
@@ -184,9 +187,8 @@ def _vehicle(what: str, form: str, file: Path, gravity: float | None, chosen: di
     write_atomically(file, text.encode())
     counts, actuators = {"bodies": len(vehicle.bodies), "joints": len(vehicle.moving)}, actuator_names(vehicle)
     give(counts, file=file, vehicle=vehicle.name, actuators=actuators)
-    tell(
-        f"{file}: {vehicle.name}, {', '.join(f'{n} {name}' for name, n in counts.items())}, {len(actuators)} actuators"
-    )
+    listed = {**counts, "actuators": len(actuators)}.items()
+    tell(f"{file}: {vehicle.name}, {', '.join(f'{n} {ONE[name] if n == 1 else name}' for name, n in listed)}")
 
 
 def _law(

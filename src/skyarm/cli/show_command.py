@@ -22,7 +22,8 @@ from skyarm.scenario.unlikely_numbers import unlikely_in_vehicle
 from skyarm.studies.assess.data_sheet import sheet, vehicle_facts
 from skyarm.studies.sweep.study_file import LIBRARY as STUDIES
 from skyarm.studies.sweep.study_file import list_studies
-from skyarm.vehicle.vehicle_files import FOREIGN, RIGID, ROTORS_ALONE, list_vehicles, load_vehicle
+from skyarm.vehicle.vehicle_files import FOREIGN, ROTORS_ALONE, list_vehicles, load_vehicle
+from skyarm.vehicle.vehicle_tables import RIGID
 from skyarm.view.pages import Facts, table_of
 
 

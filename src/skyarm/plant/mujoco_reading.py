@@ -40,7 +40,7 @@ def beside_mujoco(vehicle: Vehicle, file: str) -> list[tuple[str, str, str, str]
     base, *others = sorted(range(model.njnt), key=lambda k: model.jnt_type[k] != mujoco.mjtJoint.mjJNT_FREE)
     theirs = [model.joint(k).name for k in others]
     if missing := [name for name in ours if name not in theirs]:
-        refuse("--compare", missing[0], f"must be a joint of MuJoCo's: {', '.join(theirs) or 'none'}")
+        refuse("--compare", missing[0], f"must be a joint of MuJoCo's: {', '.join(theirs) or 'it has none'}")
     same = [model.joint(name).id for name in ours]
     rates = [*(model.jnt_dofadr[base] + np.arange(6)), *model.jnt_dofadr[same]]
     limits = np.reshape([(float(each.lower), float(each.upper)) for each in vehicle.joints], (-1, 2))

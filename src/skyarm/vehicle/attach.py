@@ -137,26 +137,18 @@ def bodies_of(vehicle: Vehicle) -> RigidBodies:
 def _with_prefix(arm: RigidBodies, prefix: str) -> RigidBodies:
     if not prefix:
         return arm
-    links = tuple(
-        replace(link, name=prefix + link.name, joint=replace(link.joint, name=prefix + link.joint.name))
-        for link in arm.links
-    )
-    frames = tuple(replace(frame, name=prefix + frame.name) for frame in arm.frames)
-    mimics = {prefix + name: replace(each, joint=prefix + each.joint) for name, each in arm.mimics.items()}
-    looks = tuple(replace(look, name=prefix + look.name) for look in arm.looks)
-    return replace(
-        arm,
-        root=prefix + arm.root,
-        links=links,
-        frames=frames,
-        mimics=mimics,
-        looks=looks,
-        drives={prefix + name: table for name, table in arm.drives.items()},
-        speeds={prefix + name: each for name, each in arm.speeds.items()},
-        faults={
-            f"{prefix}: {fault}": frozenset(prefix + name for name in joints) for fault, joints in arm.faults.items()
-        },
-    )
+
+    def rename(part: Any) -> Any:
+        return replace(part, name=prefix + part.name)
+
+    own: dict[str, Any] = {
+        word: {prefix + name: each for name, each in getattr(arm, word).items()} for word in OF_JOINTS
+    }
+    own["mimics"] = {name: replace(each, joint=prefix + each.joint) for name, each in own["mimics"].items()}
+    own["faults"] = {f"{prefix}: {k}": frozenset(prefix + name for name in v) for k, v in arm.faults.items()}
+    links = tuple(replace(rename(link), joint=rename(link.joint)) for link in arm.links)
+    frames, looks = tuple(map(rename, arm.frames)), tuple(map(rename, arm.looks))
+    return replace(arm, root=prefix + arm.root, links=links, frames=frames, looks=looks, **own)
 
 
 def _require_new_names(airframe: RigidBodies, arm: RigidBodies, root: list[str], mount: Mount) -> None:

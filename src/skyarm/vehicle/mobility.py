@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from skyarm.algebra import Mat3, Scalar, Vec3
+from skyarm.algebra import Mat3, Vec3
 from skyarm.records.arrays import Array, doubles
 from skyarm.records.coerce import concrete
 from skyarm.records.leaves import leaves
@@ -155,10 +155,6 @@ def of_mirrored(values: Array, mobilities: Array) -> Array:
     return doubles(np.where(alike, values[..., None, :], 0.0).max(axis=-1, initial=0.0))
 
 
-def _numbers(*values: Scalar) -> list[float]:
-    return [float(value) for value in values]
-
-
 def _matrix(m: Mat3) -> Array:
     return doubles([list(row) for row in m.rows])
 
@@ -171,14 +167,14 @@ def rigid_inertia(body: Body) -> Array:
 
 
 def _direction(joint: Joint) -> Array:
-    axis = _numbers(*joint.axis)
+    axis = map(float, joint.axis)
     return np.array([*axis, 0.0, 0.0, 0.0] if joint.turns else [0.0, 0.0, 0.0, *axis])
 
 
 def _to_child(joint: Joint, value: float) -> Array:
     """Spatial transform (6 x 6) of a motion vector from the parent link's origin to the child link's."""
-    R, p = _matrix(joint.rotation), np.array(_numbers(*joint.position))
-    axis = Vec3(*_numbers(*joint.axis))
+    R, p = _matrix(joint.rotation), np.array([*map(float, joint.position)])
+    axis = Vec3(*map(float, joint.axis))
     if joint.turns:
         K = _matrix(Mat3.cross(axis))
         R = R @ (np.eye(3) + math.sin(value) * K + (1.0 - math.cos(value)) * K @ K)

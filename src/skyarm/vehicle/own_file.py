@@ -3,25 +3,24 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
-from dataclasses import fields, replace
+from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from skyarm.records.files.toml import toml_value
-from skyarm.vehicle.attach import bodies_of, place_in
+from skyarm.vehicle.attach import RigidBodies, bodies_of, place_in
 from skyarm.vehicle.check import refuse
 from skyarm.vehicle.rotor_tables import RotorTables, joints_below_rotors, mount_rotors
 from skyarm.vehicle.stated_rotors import MAX_THRUST, gaps_of
-from skyarm.vehicle.vehicle_files import is_robot, load_vehicle, read_rigid, robot_file
-from skyarm.vehicle.vehicle_records import Rotor, Vehicle
+from skyarm.vehicle.vehicle_files import is_robot, load_with_bodies, naming_file, robot_file
+from skyarm.vehicle.vehicle_records import Vehicle
 from skyarm.vehicle.vehicle_tables import SOURCES
 from skyarm.vehicle.vehicle_text import vehicle_text
+from skyarm.view.pages.markup import render_template
 
 OF_TILTS = {"lower": -1, "upper": 1, "time_constant": 1}
 """Numbers in place of those that a file lacks of the servo of a tilting rotor."""
-
-ASSUMED = "assumed: the file states none"
 
 NO_ROTORS = """
 # The file states no rotors. One such table for each, without the #:
@@ -48,8 +47,15 @@ def own_vehicle_file(file: str, name: str, tip: str = "") -> tuple[str, bool]:
     Raises:
         VehicleError: one line: the file cannot be read, has no such tip, or lacks numbers in a file of this library.
     """
-    loaded = load_vehicle(file)
-    vehicle, path = replace(loaded, name=name), robot_file(file) if is_robot(file) else Path(file)
+    loaded, bodies = load_with_bodies(file)
+    if loaded.gaps and bodies is None:
+        refuse("--from", file, f"must be whole: {loaded.gaps[0]}")
+    with naming_file(file):
+        return _text(file, replace(loaded, name=name), bodies, tip)
+
+
+def _text(file: str, vehicle: Vehicle, bodies: RigidBodies | None, tip: str) -> tuple[str, bool]:
+    path = robot_file(file) if is_robot(file) else Path(file)
     if tip:
         frames = {each.name: each for each in (place_in(bodies_of(vehicle), tip, "--tip"), *vehicle.frames)}
         vehicle = replace(vehicle, frames=tuple(frames.values()), end_effector=tip)
@@ -57,21 +63,19 @@ def own_vehicle_file(file: str, name: str, tip: str = "") -> tuple[str, bool]:
     notes |= {"base.mass": f"{path.name}: its root and what is fixed to it"}
     for link in vehicle.moving:
         notes |= {f"links.{link.name}.mass": path.name, f"links.{link.name}.joint.name": path.name}
-    head = [f"Written by: skyarm new vehicle {name} --from {file}", *vehicle.notes]
+    head = [f"Written by: skyarm new vehicle {vehicle.name} --from {file}", *vehicle.notes]
     if vehicle.looks:
         head.append(f"{len(vehicle.looks)} meshes: left out; a vehicle file names none")
-    if not vehicle.gaps:
-        notes |= {f"rotors.{lag}": ASSUMED for lag in _assumed_lags(vehicle, path)}
+    if bodies is None or not vehicle.gaps:
         text = vehicle_text(vehicle, head, notes)
         return (text, True) if vehicle.rotors else (text + NO_ROTORS, False)
-    if path.suffix == ".toml":
-        refuse("--from", file, f"must be whole: {vehicle.gaps[0]}")
-    bodies = read_rigid(path, "lock")
     own = {each.name: {gap.partition(" ")[0]: gap for gap in gaps_of(each, each.values)} for each in bodies.rotors}
     gaps = {field: gap for each in own.values() for field, gap in each.items()}
     if joints := joints_below_rotors(bodies):
+        source = next(name for name, suffixes in SOURCES.items() if path.suffix in suffixes)
         named = file if is_robot(file) else path.resolve().as_posix()
-        return _riding_text(vehicle, named, head, joints, own), False
+        words = {"source": source, "file": named, "vehicle": vehicle, "head": head, "joints": joints, "rotors": own}
+        return render_template("vehicle/exported/riding.jinja", toml=toml_value, **words), False
     flying = mount_rotors(bodies, RotorTables(own={name: _any_values(each) for name, each in own.items()}))
     blocks = vehicle_text(replace(vehicle, rotors=flying.rotors), head, notes).split("\n\n")
     for k, block in enumerate(blocks):
@@ -93,34 +97,3 @@ def _any_values(gaps: Mapping[str, str]) -> dict[str, Any]:
     """Values in place of those that a rotor lacks, with which it can be mounted."""
     inner = {name: value for name, value in OF_TILTS.items() if f"tilt.{name}" in gaps}
     return dict.fromkeys((name for name in gaps if "." not in name), 1) | ({"tilt": inner} if inner else {})
-
-
-def _assumed_lags(vehicle: Vehicle, path: Path) -> list[str]:
-    """Lags of rotors that are the library's defaults, for no file states them."""
-    text = path.read_text("utf-8") if path.is_file() else ""
-    usual = {each.name: each.default for each in fields(Rotor)}
-    return [
-        name
-        for name in ("time_constant_up", "time_constant_down")
-        if name not in text and f"rotors.{name}" not in dict(vehicle.sources)
-        if all(getattr(each, name) == usual[name] for each in vehicle.rotors)
-    ]
-
-
-def _riding_text(
-    vehicle: Vehicle, file: str, head: Sequence[str], joints: Sequence[str], gaps: Mapping[str, Mapping[str, str]]
-) -> str:
-    """Text of a vehicle file that takes bodies and rotors from their own file, with comments on what they lack."""
-    source = next(name for name, suffixes in SOURCES.items() if file.endswith(suffixes) or is_robot(file))
-    lines = [*(f"# {line}" for line in head), "schema = 1", f"name = {toml_value(vehicle.name)}"]
-    if vehicle.end_effector:
-        lines.append(f"end_effector = {toml_value(vehicle.end_effector)}")
-    lines += [f"{source} = {toml_value(file)}  # bodies and rotors: some ride on joints, so they stay there", ""]
-    lines.append("# Hold these joints such that all thrusts together point up, and take away the #:")
-    for joint in joints:
-        lines += ["# [[joints]]", f"# name = {toml_value(joint)}", "# hold = ...  # missing: rad or m", ""]
-    for rotor, lacks in gaps.items():
-        if lacks:
-            lines += ["# [[rotors]]", f"# name = {toml_value(rotor)}"]
-            lines += [f"# {field} = ...  # missing: {gap}" for field, gap in lacks.items()] + [""]
-    return "\n".join(lines)

@@ -17,7 +17,7 @@ from skyarm.vehicle.attach import RigidBodies, place_in
 from skyarm.vehicle.check import VehicleError, refuse, unique
 from skyarm.vehicle.held_joints import hold_joints
 from skyarm.vehicle.linkage import BASE
-from skyarm.vehicle.stated_rotors import MAX_THRUST, NEEDED_OF_TILTS, StatedRotor, gaps_of, whole_values
+from skyarm.vehicle.stated_rotors import LAGS, MAX_THRUST, NEEDED_OF_TILTS, StatedRotor, gaps_of, whole_values
 from skyarm.vehicle.thrust_table import ThrustTable
 from skyarm.vehicle.tilt import Tilt, arm_direction
 from skyarm.vehicle.vehicle_records import Rolling, Rotor
@@ -154,6 +154,9 @@ def mount_rotors(bodies: RigidBodies, tables: RotorTables) -> MountedRotors:
                 fields.inner("tilt").take(needed)
     rotors = () if gaps else tuple(_rotor(still, origins[name], values[name]) for name in origins)
     sources = dict.fromkeys((f"rotors.{word}", text) for each in whole.values() for word, text in each.where.items())
+    for lag in LAGS if rotors else ():
+        if not any(lag in each for each in values.values()):
+            sources[f"rotors.{lag}", "assumed: the file states none"] = None
     return MountedRotors(still, rotors, tuple(gaps), tuple(sources), notes)
 
 

@@ -7,6 +7,7 @@ hold is a gap, which the user's ``[[rotors]]`` or ``[rotor_defaults]`` fill; no 
 from __future__ import annotations
 
 import math
+import xml.etree.ElementTree as ET
 from collections.abc import Iterator, Mapping
 from dataclasses import field
 from pathlib import Path
@@ -23,14 +24,9 @@ UP = Vec3(0, 0, 1)
 MAX_THRUST = "max_thrust"
 """Largest thrust (N): with one of the thrust coefficient and the largest speed it gives the other one."""
 
-NEEDED = (
-    "direction",
-    "thrust_coefficient",
-    "moment_coefficient",
-    "max_speed",
-    "time_constant_up",
-    "time_constant_down",
-)
+LAGS = ("time_constant_up", "time_constant_down")
+
+NEEDED = ("direction", "thrust_coefficient", "moment_coefficient", "max_speed", *LAGS)
 """Fields of a rotor without which a file's rotor is not whole, in the order of messages."""
 
 
@@ -83,6 +79,17 @@ class RotorFile:
     path: Path
     content: Any = None
     settings: Fields = field(default_factory=lambda: Fields({}, "rotor_file"))
+
+    @property
+    def xml(self) -> ET.Element:
+        """Root element of an XML file; an empty one of others."""
+        return self.content if isinstance(self.content, ET.Element) else ET.Element("none")
+
+    def endless(self) -> Iterator[tuple[ET.Element, str]]:
+        """Joints of an XML file that turn without end, with the links that they move."""
+        for joint in self.xml.findall("joint[@type='continuous']"):
+            for end in joint.findall("child"):
+                yield joint, end.get("link", "")
 
 
 def rotors_in(file: RotorFile) -> tuple[StatedRotor, ...]:

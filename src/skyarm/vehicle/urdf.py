@@ -384,11 +384,9 @@ def looks_of(link: ET.Element, urdf: Path, notes: Notes) -> list[Look]:
     for visual in link.findall("visual"):
         for mesh in visual.findall("geometry/mesh"):
             file, field = mesh_file(mesh.get("filename", ""), urdf), f"link[{name}].visual"
-            if file is None:
-                notes.add("a mesh file is not there; it is drawn from its joints", name, "link")
-                continue
-            if file.suffix.lower() != ".stl":
-                notes.add("a mesh file is no .stl; it is drawn from its joints", name, "link")
+            if file is None or file.suffix.lower() != ".stl":
+                why = "is not there" if file is None else "is no .stl"
+                notes.add(f"a mesh file {why}; it is drawn from its joints", name, "link")
                 continue
             try:  # a picture that cannot be drawn changes nothing of how the vehicle flies
                 rotation, position = origin_of(visual, field)

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import shlex
 import sys
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Collection, Iterator, Mapping
+from contextlib import contextmanager
 from functools import cache, partial
 from importlib import resources
 from pathlib import Path
-from typing import TypeVar
 
 from skyarm.records.files import (
     PathLike,
@@ -27,9 +27,7 @@ from skyarm.vehicle.attach import RigidBodies
 from skyarm.vehicle.check import VehicleError, refuse
 from skyarm.vehicle.stated_rotors import RotorFile, rotors_in
 from skyarm.vehicle.vehicle_records import Vehicle
-from skyarm.vehicle.vehicle_tables import vehicle_from
-
-Read = TypeVar("Read")
+from skyarm.vehicle.vehicle_tables import OTHERS, RIGID, vehicle_from
 
 LIBRARY = resources.files("skyarm.vehicle") / "library"
 
@@ -49,15 +47,23 @@ def load_vehicle(name_or_path: PathLike) -> Vehicle:
     Raises:
         VehicleError: one line, ``file: field = value: what is allowed``.
     """
+    return load_with_bodies(name_or_path)[0]
+
+
+def load_with_bodies(name_or_path: PathLike) -> tuple[Vehicle, RigidBodies | None]:
+    """Vehicle as of :func:`load_vehicle`, and the bodies of its file if that is one of another program."""
     with errors_as(VehicleError):
         text = file_name(name_or_path, "vehicle")
-    path, shipped = Path(text), ", ".join(list_vehicles())
+    path, shipped, alone = Path(text), ", ".join(list_vehicles()), False
     if text in list_vehicles():
-        return _library_vehicle(text)
+        return _library_vehicle(text), None
     if is_robot(text):
-        return _name_file_in_errors(text, lambda: plain_vehicle(robot_file(text)))
-    alone = path.suffix in ROTORS_ALONE and path.is_file()
-    if alone and _name_file_in_errors(text, lambda: rotors_in(RotorFile(path))):
+        with naming_file(text):
+            return _plain_vehicle(robot_file(text))
+    if path.suffix in ROTORS_ALONE and path.is_file():
+        with naming_file(text):
+            alone = bool(rotors_in(RotorFile(path)))
+    if alone:
         beside = f'its rotors stand beside bodies in a vehicle file: urdf = "BODIES.urdf", [rotor_file] file = "{text}"'
         raise VehicleError(f"vehicle = {shown(text)}: has no bodies; {beside}")
     if path.suffix in FOREIGN:
@@ -70,21 +76,22 @@ def load_vehicle(name_or_path: PathLike) -> Vehicle:
     reason = unreadable(path)
     if reason:
         raise VehicleError(f"vehicle = {shown(text)}: {reason}; shipped vehicles are {shipped}")
-    if path.suffix in RIGID:
-        return _name_file_in_errors(text, lambda: plain_vehicle(path))
-    return _name_file_in_errors(text, lambda: _from_toml(path.read_bytes(), path))
+    with naming_file(text):
+        return _plain_vehicle(path) if path.suffix in RIGID else (_from_toml(path.read_bytes(), path), None)
 
 
 @cache
 def _library_vehicle(name: str) -> Vehicle:
     """Vehicle of the library by name, read once per process and shared by plant, model and all scenarios."""
-    return _name_file_in_errors(name, lambda: _from_toml((LIBRARY / f"{name}.toml").read_bytes(), None))
+    with naming_file(name):
+        return _from_toml((LIBRARY / f"{name}.toml").read_bytes(), None)
 
 
-def _name_file_in_errors(file: str, read: Callable[[], Read]) -> Read:
-    """Call ``read`` and return what it reads; an error becomes one line that begins with the file's name."""
+@contextmanager
+def naming_file(file: str) -> Iterator[None]:
+    """Context manager that turns an error into one line that begins with the file's name."""
     try:
-        return read()
+        yield
     except VehicleError as error:
         raise VehicleError(f"{file}: {one_line(str(error))}") from None
     except OSError as error:
@@ -114,10 +121,6 @@ def vehicle_of_text(text: str, file: Path) -> Vehicle:
     return _from_toml(text.encode(), file)
 
 
-RIGID = (".urdf", ".xacro", ".xml", ".mjcf", ".sdf", ".world")
-"""Suffixes of files with rigid bodies and joints of other programs."""
-
-
 ROTORS_ALONE = (".yaml", ".yml", ".params")
 """Suffixes of files that may state rotors without bodies."""
 
@@ -142,14 +145,14 @@ def read_rigid(path: Path, mimic: str, base: str = "", xacro: Mapping[str, str] 
     Raises:
         VehicleError: without the file's name, which the caller adds.
     """
-    if path.suffix in (".urdf", ".xacro"):
+    if path.suffix in OTHERS["urdf"]:
         from skyarm.vehicle.urdf import read_urdf
 
         bodies = read_urdf(path, mimic, xacro or {})
         if base not in ("", bodies.root):
             refuse("base", base, f"must be {bodies.root}, the root of the file")
         return bodies
-    if path.suffix in (".sdf", ".world"):
+    if path.suffix in OTHERS["sdf"]:
         from skyarm.vehicle.sdf import read_sdf
 
         return read_sdf(path, mimic, base)
@@ -158,11 +161,12 @@ def read_rigid(path: Path, mimic: str, base: str = "", xacro: Mapping[str, str] 
     return read_mjcf(path, mimic, base)
 
 
-def plain_vehicle(path: Path) -> Vehicle:
-    """Vehicle of a URDF, SDF or MJCF file alone, with the rotors that it states whole."""
+def _plain_vehicle(path: Path) -> tuple[Vehicle, RigidBodies]:
+    """Vehicle of a URDF, SDF or MJCF file alone, with the rotors that it states whole, and the file's bodies."""
     from skyarm.vehicle.urdf import urdf_vehicle
 
-    return urdf_vehicle(read_rigid(path, "lock"))
+    bodies = read_rigid(path, "lock")
+    return urdf_vehicle(bodies), bodies
 
 
 def _read(

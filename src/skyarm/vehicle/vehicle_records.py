@@ -16,6 +16,7 @@ from skyarm.algebra import ZERO3, Mat3, Scalar, Vec3
 from skyarm.algebra.scalars import add, mul, neg
 from skyarm.records.coerce import concrete, number, pairs, plain_number, proper_rotation, unit_vector, vector
 from skyarm.records.field_rules import accept_fields, checked
+from skyarm.records.files import must_be_one_of
 from skyarm.records.immutable import UNWRITTEN, field_if_any, immutable
 from skyarm.records.leaves import Place, field_names
 from skyarm.records.notebook import notebook_html
@@ -415,11 +416,8 @@ def _require_whole(value: Vehicle) -> None:
         if not -1 <= frame.link < len(value.moving):
             refuse(f"frames[{frame.name}].link", frame.link, f"must be -1 (base) ... {len(value.moving) - 1}")
     if value.end_effector and value.end_effector not in [each.name for each in value.frames]:
-        refuse(
-            "end_effector",
-            value.end_effector,
-            f"must be one of {', '.join(each.name for each in value.frames) or 'none'}",
-        )
+        allowed = must_be_one_of([each.name for each in value.frames], value.end_effector)
+        refuse("end_effector", value.end_effector, f"{allowed}{'' if value.frames else '; [[frames]] makes one'}")
     _require_drives(value)
     if found := what_does_not_move(value):
         refuse(*found)
@@ -441,7 +439,7 @@ def _require_drives(value: Vehicle) -> None:
     joints = value.joint_names
     for name in (each.name for each in value.drives):
         if name not in joints or [each.name for each in value.drives].count(name) > 1:
-            refuse("drives", name, f"must be one of {', '.join(joints) or 'none'}, once")
+            refuse("drives", name, f"{must_be_one_of(joints, name)}{', once' * bool(joints)}")
         limit = value.links[joints.index(name)].joint.effort_limit
         if concrete(limit) and limit == 0:
             allowed = f"must be above 0: it leaves drives.{name} no torque"

@@ -10,7 +10,7 @@ from typing import Any, TypeVar
 
 from skyarm.algebra import Mat3, Vec3
 from skyarm.records.coerce import concrete
-from skyarm.records.files import Fields, errors_as
+from skyarm.records.files import Fields, errors_as, must_be_one_of
 from skyarm.records.files.names import unreadable
 from skyarm.records.read_table import make_at, numbers_from, record_from, registered_from
 from skyarm.vehicle import check, description
@@ -26,13 +26,17 @@ from skyarm.vehicle.stated_rotors import RotorFile, rotors_in
 from skyarm.vehicle.stops import with_smooth_friction, with_stops
 from skyarm.vehicle.vehicle_records import BodyDrag, Frame, Look, MountedDrive, Vehicle
 
-SOURCES: Mapping[str, tuple[str, ...]] = {
-    "urdf": (".urdf", ".xacro"),
-    "mjcf": (".xml", ".mjcf"),
-    "sdf": (".sdf", ".world"),
-    "airframe": (".toml", ".urdf", ".xacro", ".xml", ".mjcf", ".sdf", ".world"),
-}
+OTHERS = {"urdf": (".urdf", ".xacro"), "mjcf": (".xml", ".mjcf"), "sdf": (".sdf", ".world")}
+"""Formats of other programs -> suffixes of their files."""
+
+RIGID = tuple(suffix for suffixes in OTHERS.values() for suffix in suffixes)
+"""Suffixes of files with rigid bodies and joints of other programs."""
+
+SOURCES: Mapping[str, tuple[str, ...]] = {**OTHERS, "airframe": (".toml", *RIGID)}
 """Keys that replace ``base`` and ``links``, one of them per file -> suffixes of the files that they name."""
+
+MOST_JOINTS = 250
+"""Largest number of joints of a vehicle; the time of its checks grows with the cube: 3000 would take hours."""
 
 Record = TypeVar("Record")
 
@@ -81,6 +85,9 @@ def vehicle_from(document: Mapping[str, Any], refer: Refer, folder: Path = Path(
         fields.done()
     bodies = hold_joints(_override_joints(changes, held, bodies, own), held)
     bodies.require_no_faults()
+    if len(bodies.links) > MOST_JOINTS:
+        allowed = f"must be at most {MOST_JOINTS}, for its mass matrix takes minutes; [[joints]] hold fixes some"
+        refuse("number of joints", len(bodies.links), allowed)
     flying = mount_rotors(bodies, read_rotor_tables(top, any(each.tilt_joint for each in bodies.rotors)))
     every = top.choice("inertia_repair", ("small", "nearest"), "small") == "nearest"
     bodies, rotors = with_real_inertias(flying.bodies, every=every), flying.rotors
@@ -314,7 +321,7 @@ def _override_joints(
             what = f"must be left out: it follows {bodies.mimics[name].joint!r} and has nothing of its own to state"
             refuse("joints.name", name, what)
         if name not in changeable:
-            refuse("joints.name", name, f"must be one of {', '.join(changeable) or 'none'}")
+            refuse("joints.name", name, must_be_one_of(changeable, name))
     if not changes:
         return bodies
     links = tuple(replace(k, joint=replace(k.joint, **changes.get(k.joint.name, {}))) for k in bodies.links)

@@ -16,7 +16,7 @@ from skyarm.records.registry.registrations import name_of
 from skyarm.records.units import scalars
 from skyarm.vehicle.check import VehicleError
 from skyarm.vehicle.description import unit_quaternion
-from skyarm.vehicle.linkage import BASE, Body, Follower, Joint, Link
+from skyarm.vehicle.linkage import BASE, Body, Joint
 from skyarm.vehicle.rotor_tables import COEFFICIENTS
 from skyarm.vehicle.thrust_table import ThrustTable
 from skyarm.vehicle.vehicle_records import Frame, MountedDrive, Rotor, Vehicle
@@ -60,7 +60,9 @@ def vehicle_text(vehicle: Vehicle, head: Sequence[str] = (), notes: Notes | None
         lines += _section("[[links]]", {**parent, **_body(link.body)}, at, notes)
         joint = _joint(link.joint)
         if link.name in of_follower:
-            joint["mimic"] = _mimic(of_follower[link.name], vehicle.links)
+            tie = of_follower[link.name]
+            leader = vehicle.links[tie.leader].joint.name
+            joint["mimic"] = {"joint": leader, "ratio": float(tie.ratio), "offset": float(tie.offset)}
         lines += _section("[links.joint]", joint, f"{at}.joint", notes)[1:]
     for frame in vehicle.frames:
         lines += _section("[[frames]]", _frame(frame, names), f"frames.{frame.name}", notes)
@@ -151,21 +153,19 @@ def _joint(joint: Joint) -> Table:
     return _with_orientation(_record(joint, ("kind", "axis", *stated)), joint.rotation)
 
 
-def _mimic(follower: Follower, links: Sequence[Link]) -> Table:
-    leader = links[follower.leader].joint.name
-    return {"joint": leader, "ratio": float(follower.ratio), "offset": float(follower.offset)}
-
-
 def _frame(frame: Frame, names: Sequence[str]) -> Table:
     link = "base" if frame.link == BASE else names[frame.link]
     return _with_orientation({**_record(frame), "link": link}, frame.rotation)
 
 
 def _with_orientation(table: Table, rotation: Mat3) -> Table:
-    """Vehicle-file table in which a rotation matrix is replaced by a quaternion entry."""
+    """Vehicle-file table in which a rotation matrix is replaced by a quaternion, or left out for aligned axes."""
     oriented: Table = {}
     for name, each in table.items():
-        oriented |= _orientation(rotation) if name == "rotation" else {name: each}
+        if name != "rotation":
+            oriented[name] = each
+        elif rotation != Mat3.identity():
+            oriented["quaternion_wxyz"] = unit_quaternion(rotation)
     return oriented
 
 
@@ -184,10 +184,3 @@ def _record(record: object, always: Collection[str] = ()) -> Table:
     numbers = {name: float(entry[name]) for name in scalars(type(record)) if name in entry}
     vectors = ((name, each) for name, each in parts(record).items() if isinstance(each, Vec3))
     return entry | numbers | {name: list(map(float, each)) for name, each in vectors if name in entry}
-
-
-def _orientation(rotation: Mat3) -> Table:
-    """Unit quaternion entry of a rotation matrix for a vehicle file; empty for aligned axes."""
-    if rotation == Mat3.identity():
-        return {}
-    return {"quaternion_wxyz": unit_quaternion(rotation)}

@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 import re
+from collections import defaultdict
 from collections.abc import Mapping
 from pathlib import Path
 
 from skyarm.records.files import needs_extra
 from skyarm.vehicle.check import VehicleError
+
+GUESS = "1.0"
+"""Value of an argument that is missing: this very text, so that a default of the file's is none."""
 
 
 def _own_name(mark: Path) -> str:
@@ -35,11 +39,16 @@ def expand_xacro(path: Path, arguments: Mapping[str, str]) -> bytes:
     packages.reset()
     marks = [mark for above in reversed(path.resolve().parents) for mark in above.glob("*/package.xml")]
     packages.update_package_cache({name: mark.parent for mark in marks for name in (mark.parent.name, _own_name(mark))})
+    given = defaultdict(lambda: GUESS, arguments)  # goes on behind an argument that nobody gave, to find all of them
+    fault = expanded = ""
     try:
-        expanded: str = xacro.process_file(str(path), mappings=dict(arguments)).toxml()
-        return expanded.encode()
+        expanded = xacro.process_file(str(path), mappings=given).toxml()
     except Exception as error:  # of its macros, its expressions and the files that it includes
-        cure = f'schema = 1, name = "v", urdf = "{path.name}" and in the table [xacro] NAME = VALUE'
-        raise VehicleError(
-            f"xacro: {error}: must expand; a file v.toml beside it gives it its arguments: {cure}"
-        ) from None
+        fault = str(error)
+    if missing := [name for name, value in given.items() if value is GUESS]:
+        fault = f"arguments {', '.join(missing)} are missing"
+    if fault:
+        values = ", ".join(f"{name} = VALUE" for name in missing or ["NAME"])
+        cure = f'schema = 1, name = "v", urdf = "{path.name}" and in the table [xacro] {values}'
+        raise VehicleError(f"xacro: {fault}: must expand; a file v.toml beside it gives it its arguments: {cure}")
+    return expanded.encode()

@@ -82,7 +82,7 @@ def test_a_name_that_is_taken_is_refused_with_both_sources():
         ("plant", "rigidbody", "did you mean 'rigid_body'\\? must be one of rigid_body, mujoco"),
         ("motion", "zigzag", r"must be one of hover, circle, signals, waypoints, phases$"),
         ("motion", 3, r"must be one of hover, circle, signals, waypoints, phases$"),
-        ("metric", "fly", r"must be one of none$"),
+        ("metric", "fly", r"must be left out: there is none$"),
     ],
 )
 def test_a_name_that_is_not_there_is_one_line_with_what_is(kind, name, words):
@@ -98,7 +98,7 @@ def test_what_a_user_added_is_offered_too():
         RegistryError, match=r"did you mean 'near_ceiling'\? must be one of force_wind, .*, near_ceiling$"
     ):
         find("force", "near_ceilng")
-    assert must_be_one_of({}, "x") == "must be one of none"
+    assert must_be_one_of({}, "x") == "must be left out: there is none"
 
 
 @pytest.mark.parametrize("name", ["", "two words!", "a\nb", 3, None, "x" + chr(27)])

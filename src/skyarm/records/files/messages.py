@@ -114,5 +114,7 @@ def must_be_one_of(known: Iterable[str], word: object, see: str = "") -> str:
     if see and len(names) > NEAREST:
         near = ", ".join(nearest(word, names))
         return f"{did_you_mean(word, names)}must be one of {near} ...; {see!r} shows all {len(names)}"
+    if not names:
+        return "must be left out: there is none"
     few = "" if len(names) == 1 else "one of "
-    return f"{did_you_mean(word, names)}must be {few}{', '.join(names) or 'none'}"
+    return f"{did_you_mean(word, names)}must be {few}{', '.join(names)}"

@@ -13,12 +13,12 @@ from skyarm.algebra import Quaternion, Vec3
 from skyarm.records.files import Fields, errors_as, needs_extra, one_line
 from skyarm.vehicle import description
 from skyarm.vehicle.check import VehicleError, refuse
-from skyarm.vehicle.stated_rotors import MAX_THRUST, RotorFile, StatedRotor
+from skyarm.vehicle.stated_rotors import LAGS, MAX_THRUST, RotorFile, StatedRotor
 
 EXPONENT = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)[eE][-+]?\d+$")
 """Numbers such as 1e-6, which YAML 1.1 takes for texts."""
 
-NO_LAG = dict.fromkeys(("time_constant_up", "time_constant_down"), "eagle-mpc's rotors have no lag")
+NO_LAG = dict.fromkeys(LAGS, "eagle-mpc's rotors have no lag")
 
 WORDS = {
     "thrust_coefficient": "cf",

@@ -16,16 +16,10 @@ WHERE = "m_f_rate, and axes and upper limits (N) of the rotors' joints; their lo
 
 def jsk_rotors(file: RotorFile) -> tuple[StatedRotor, ...]:
     """Rotors of a URDF file with ``<thrust_link>``, in the order of the file."""
-    root = file.content
-    mark = root.find("thrust_link[@name]") if isinstance(root, ET.Element) else None
+    mark = file.xml.find("thrust_link[@name]")
     if mark is None:
         return ()
-    return tuple(
-        _rotor(joint, end.get("link", ""), root)
-        for joint in root.findall("joint[@type='continuous']")
-        for end in joint.findall("child")
-        if mark.get("name", "") in end.get("link", "")
-    )
+    return tuple(_rotor(joint, link, file.xml) for joint, link in file.endless() if mark.get("name", "") in link)
 
 
 def _rotor(joint: ET.Element, link: str, root: ET.Element) -> StatedRotor:

@@ -10,6 +10,7 @@ from __future__ import annotations
 import xml.etree.ElementTree as ET
 from collections.abc import Sequence
 
+from skyarm.records.files import must_be_one_of
 from skyarm.vehicle.check import refuse
 from skyarm.vehicle.stated_rotors import RotorFile, StatedRotor
 from skyarm.vehicle.xml_elements import finite, text_of
@@ -30,23 +31,24 @@ SENSES = {"ccw": 1, "cw": -1, "1": 1, "-1": -1}
 
 def motor_models(file: RotorFile) -> tuple[StatedRotor, ...]:
     """Rotors of the motor-model plugins of a URDF or SDF file, by their motor numbers."""
-    if not isinstance(file.content, ET.Element):
-        return ()
-    root, plugins = file.content, sorted(filter(is_motor, file.content.iter("plugin")), key=_number_of_motor)
-    return tuple(_rotor(plugin, [each.get("name", "") for each in root.findall("joint")]) for plugin in plugins)
+    joints = [each.get("name", "") for each in file.xml.findall("joint")]
+    return tuple(
+        _rotor(each, joints) for each in sorted(filter(is_motor, file.xml.iter("plugin")), key=_number_of_motor)
+    )
 
 
 def blade_rotors(file: RotorFile) -> tuple[StatedRotor, ...]:
     """Rotors of LiftDrag plugins, as ArduPilot's: links that turn without end, with lift slopes in place of thrust."""
-    if not isinstance(file.content, ET.Element):
-        return ()
-    plugins = tuple(plugin for plugin in file.content.iter("plugin") if plugin.find("cla") is not None)
-    blades = {text_of(plugin, "link_name") for plugin in plugins}
+    plugins = tuple(plugin for plugin in file.xml.iter("plugin") if plugin.find("cla") is not None)
+    links = [each.get("name", "") for each in file.xml.findall("link")]
+    blades = [text_of(plugin, "link_name") for plugin in plugins]
+    for plugin, blade in zip(plugins, blades, strict=True):
+        if blade not in links:
+            refuse(f"{_field(plugin)}.link_name", blade, must_be_one_of(links, blade))
     absent = {"thrust_coefficient": "its blades are LiftDrag plugins, with lift slopes"}
     return tuple(
         StatedRotor(name=name, link=name, joint=joint.get("name", ""), absent=absent, elements=plugins)
-        for joint in file.content.findall("joint[@type='continuous']")
-        for name in [each.get("link", "") for each in joint.findall("child")]
+        for joint, name in file.endless()
         if name in blades
     )
 
@@ -61,9 +63,8 @@ def is_motor(plugin: ET.Element) -> bool:
 
 
 def _number_of_motor(plugin: ET.Element) -> float:
-    return finite(
-        text_of(plugin, "motorNumber") or text_of(plugin, "actuator_number") or "0", f"{_field(plugin)}.motorNumber"
-    )
+    text = text_of(plugin, "motorNumber", text_of(plugin, "actuator_number", "0"))
+    return finite(text, f"{_field(plugin)}.motorNumber")
 
 
 def _rotor(plugin: ET.Element, joints: Sequence[str]) -> StatedRotor:

@@ -18,9 +18,9 @@ from skyarm.records.immutable import positional
 from skyarm.vehicle import description
 from skyarm.vehicle.attach import Notes
 from skyarm.vehicle.mjcf_actuators import at_joint, force_range, is_plain, name_of
-from skyarm.vehicle.stated_rotors import MAX_THRUST, RotorFile, StatedRotor
+from skyarm.vehicle.stated_rotors import LAGS, MAX_THRUST, RotorFile, StatedRotor
 
-SITE, LAGS, HINGE = 4, (2, 3), 3
+SITE, FILTERS, HINGE = 4, (2, 3), 3
 """MuJoCo's enumeration values of a transmission, of filters of a control, and of a joint."""
 
 ALONG = 1e-6
@@ -114,8 +114,8 @@ def _values(model: Any, actuator: int) -> dict[str, Any]:
         values |= {"moment_coefficient": abs(turning), "direction": -1 if turning > 0.0 else 1}
     if 0.0 < high < math.inf:
         values |= {MAX_THRUST: size * high, "reversible": low == -high}
-    if model.actuator_dyntype[actuator] in LAGS and lag > 0.0:
-        values |= {"time_constant_up": lag, "time_constant_down": lag}
+    if model.actuator_dyntype[actuator] in FILTERS and lag > 0.0:
+        values |= dict.fromkeys(LAGS, lag)
     return values
 
 

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import math
 import re
-import xml.etree.ElementTree as ET
 
 from skyarm.vehicle.stated_rotors import MAX_THRUST, RotorFile, StatedRotor
 from skyarm.vehicle.xml_elements import centre_of_mass, number
@@ -22,8 +21,8 @@ PER_RPM = (30.0 / math.pi) ** 2
 
 def properties_rotors(file: RotorFile) -> tuple[StatedRotor, ...]:
     """Rotors of a URDF file with ``<properties>`` that state kf."""
-    root = file.content
-    properties = root.find("properties[@kf]") if isinstance(root, ET.Element) else None
+    root = file.xml
+    properties = root.find("properties[@kf]")
     if properties is None:
         return ()
     kf = number(properties, "kf", "properties", 0.0)
