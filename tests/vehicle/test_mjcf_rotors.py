@@ -307,7 +307,7 @@ def test_what_acts_on_held_joints_only_is_no_fault(tmp_path, case):
 WRONG_HOLDS = {
     "range": ('name = "j"\nhold = 2.0', "joints[j].hold = 2.0: must be within the joint's limits, -1.0 to 1.0"),
     "ball": ('name = "b"\nhold = 0.1', "joints[b].hold = 0.1: must be within the joint's limits, 0.0 to 0.0"),
-    "unknown": ('name = "k"\nhold = 0.1', "joints.name = 'k': must be one of j"),
+    "unknown": ('name = "k"\nhold = 0.1', "joints.name = 'k': must be j"),
     "more": ('name = "j"\nhold = 0.1\ndamping = 0.1', "joints[j].damping = 0.1"),
     "equal ends": ('name = "j"\nlower = 0.5\nupper = 0.5', "must be below upper = 0.5; [[joints]] hold = 0.5 fixes a"),
 }

@@ -104,7 +104,7 @@ CASES = [
     ),
     (("rotor_defaults", "thrust_coefficient"), None, "rotors[front].thrust_coefficient: is missing", ""),
     (("frames", 0, "link"), "hand", "frames[tip].link = 'hand'", "must be one of base, arm"),
-    (("end_effector",), "nose", "end_effector = 'nose'", "must be one of tip"),
+    (("end_effector",), "nose", "end_effector = 'nose'", "must be tip"),
     (("drag",), {"area": [0.1, -0.1, 0.1]}, "drag.area.y = -0.1", "must be at least 0"),
     (("drag",), {"air_density": 1.0}, "drag.area: is missing", ""),
     (("joints",), [{"name": "shoulder", "damping": 1.0}], "joints.name = 'shoulder'", "must stand in its link"),
