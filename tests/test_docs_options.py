@@ -8,7 +8,7 @@ import pytest
 
 from skyarm.control.catalogue import LAWS
 from skyarm.control.laws.centroidal.adaptation import FRICTION
-from skyarm.control.laws.centroidal.options import ENTRIES, PERIODS, RANGES, RETIRED, VALUES
+from skyarm.control.laws.centroidal.options import ENTRIES, PERIODS, RANGES, VALUES
 from skyarm.records.leaves import leaves
 from skyarm.scenario.controller_table import law_words, option_words
 from skyarm.scenario.scenario_file import scenario_from
@@ -30,8 +30,8 @@ def made(law, **options):
 
 @pytest.mark.parametrize("law", LAWS)
 def test_the_options_of_a_law_are_those_that_the_page_lists(law):
-    assert set(documented(law)) == {*option_words(law)} - set(RETIRED)
-    assert set(documented(law)) == set(law_words(law)) - {"tuned", "safety", "servos", *RETIRED}
+    assert set(documented(law)) == {*option_words(law)}
+    assert set(documented(law)) == set(law_words(law)) - {"tuned", "safety", "servos"}
 
 
 def test_every_law_has_its_table_on_a_page():

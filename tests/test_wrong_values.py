@@ -228,12 +228,3 @@ def test_whole_numbers_of_numpy_are_whole_numbers() -> None:
     assert skyarm.Rates(physics=np.int64(500), control=np.int32(100)) == skyarm.Rates(physics=500, control=100)
     assert type(skyarm.Rates(physics=np.int64(500), control=100).physics) is int
     refused("rates.physics", 500.5, "whole number", lambda: skyarm.Rates(physics=500.5))  # type: ignore[arg-type]
-
-
-@pytest.mark.parametrize(("former", "present"), [("actuation", "skyarm.dynamics.actuators"), ("world.wrong", "")])
-def test_a_module_of_a_former_name_is_refused_with_its_present_one(former: str, present: str) -> None:
-    with pytest.raises(ModuleNotFoundError) as error:
-        importlib.import_module(f"skyarm.{former}")
-    assert str(error.value) == (
-        f"skyarm.{former}: is now {present}" if present else f"No module named 'skyarm.{former}'"
-    )

@@ -5,7 +5,6 @@ The names of ``__init__.pyi`` are stable. Arrays in, arrays out; SI units and ra
 
 from __future__ import annotations
 
-import sys
 from functools import cache
 from importlib import import_module
 
@@ -33,29 +32,10 @@ def __getattr__(name: str) -> object:
         if _modules().get(name, "skyarm") != "skyarm":
             value = globals()[name] = getattr(import_module(_modules()[name]), name)
             return value
-        try:
-            found = find_spec(f"skyarm.{name}")
-        except ModuleNotFoundError as error:  # of a former name
-            raise AttributeError(*error.args) from None
-        if found is not None:
+        if find_spec(f"skyarm.{name}") is not None:
             return import_module(f"skyarm.{name}")
     raise AttributeError(f"module 'skyarm' has no attribute '{name}'")
 
 
 def __dir__() -> list[str]:
     return sorted((*_modules(), "__version__"))
-
-
-class _FormerNames:
-    """Import finder, tried last, that raises an error with the new name of a renamed module."""
-
-    @staticmethod
-    def find_spec(name: str, *_: object) -> None:
-        if name.startswith("skyarm."):
-            from skyarm.records.files.messages import present_names
-
-            if now := present_names("module").get(name):
-                raise ModuleNotFoundError(f"{name}: is now {now}")
-
-
-sys.meta_path.append(_FormerNames)

@@ -92,7 +92,7 @@ OVERWRITES: Mapping[str, str | tuple[tuple[tuple[str, ...], str, str], ...]] = {
 
 REPLACES: Mapping[str, str | tuple[tuple[tuple[str, ...], str, str], ...]] = {
     "show": ((("hummingbird_arm2_rotors", "--out", "a.svg"), "a.svg", "replaced"),),
-    "check": "it writes nothing; --upgrade keeps the file before",
+    "check": "it writes nothing",
     "doctor": "it writes no file",
     "diff": "it writes nothing",
     "studio": "it saves flights under new names",

@@ -15,7 +15,6 @@ from command_files import succeeded
 import skyarm
 from skyarm.control.catalogue import LAWS, PRESETS
 from skyarm.records.files.earlier_files import earlier_kept
-from skyarm.scenario.scenario_file import LIBRARY as SCENARIOS
 from skyarm.scenario.scenario_file import list_scenarios
 from skyarm.simulate import Log
 from skyarm.studies.sweep import list_studies
@@ -268,12 +267,3 @@ def test_a_full_disk_under_standard_output_is_one_line() -> None:
     )
     assert result.returncode == 2
     assert result.stderr == "skyarm: standard output: must be usable (No space left on device)\n"
-
-
-def test_a_law_whose_gains_were_others_is_told_to_nobody_who_does_not_ask(tmp_path: Path) -> None:
-    text = (SCENARIOS / "case3.toml").read_text("utf-8")
-    (tmp_path / "mine.toml").write_text(text.replace('preset = "paper_ct"', 'law = "centroidal"'))
-    code = [sys.executable, "-c", "import skyarm; skyarm.load_scenario('mine.toml')"]
-    done = subprocess.run(code, capture_output=True, text=True, check=True, cwd=tmp_path)
-    assert done.stderr == ""
-    assert "'centroidal' -> bandwidth = 1.0" in succeeded(typed("check", str(tmp_path / "mine.toml"), "--upgrade"))

@@ -23,7 +23,6 @@ from skyarm.control.catalogue import (
 from skyarm.control.model import Model
 from skyarm.records.leaves import leaves
 from skyarm.simulate import Log
-from support.cases import sampled
 from support.commands import refused, skyarm
 
 MODEL = Model(vehicle=library.load_vehicle("hummingbird_arm2"))
@@ -67,18 +66,6 @@ def test_a_controller_is_told_of_its_loop(name: str, periods: int) -> None:
 def test_run_takes_any_law(folder: Path, name: str, law: str) -> None:
     assert skyarm("run", "case1", "--duration", "0.1", "--laws", name).code == 0
     assert Log.load_npz(folder / "out" / "run" / "case1.npz").info["controller"] == (law or name)
-
-
-@pytest.mark.filterwarnings("default::skyarm.control.controller.FormerNameWarning")
-@pytest.mark.parametrize("former", sampled(["centroidal_tip_robust", "centroidal_joint_stiff"], 2))
-def test_a_former_name_is_run_under_a_note_and_no_other_command_s_name(folder: Path, former: str) -> None:
-    found = skyarm("run", "case1", "--duration", "0.1", "--laws", former)
-    now = former.rsplit("_", 1)[0]
-    assert found.code == 0
-    assert f"controller.preset = '{former}': is gone, '{now}' flies; there is one" in found.err
-    assert Log.load_npz(folder / "out" / "run" / "case1.npz").info["controller"] == now
-    assert is_named(former)
-    assert not is_named("my_robust")
 
 
 def test_run_takes_tuned_gains(folder: Path) -> None:

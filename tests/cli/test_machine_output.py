@@ -18,7 +18,6 @@ from every_command import CHOOSES, COMMANDS, KEPT, NEEDS, READS, SERVES
 
 import skyarm as package
 from skyarm.cli import output
-from skyarm.cli.arguments import OLDER
 from skyarm.cli.commands import COMMANDS as SHIPPED
 from skyarm.cli.output import STYLES, Terminal
 from skyarm.studies.assess.finding import LEVELS
@@ -101,7 +100,6 @@ def test_every_command_takes_the_common_options_and_says_so(command: str) -> Non
     assert re.search(r"^  --plugin FILE.py  +a .py file that registers names; repeat", text, re.MULTILINE)
     assert ("-o, --out " in text) == (command not in READS), "enter it in tests/cli/every_command.py"
     assert ("--laws LAW" in text) == (command in CHOOSES)
-    assert not set(re.findall(r"--[\w-]+", text)) & set(OLDER), "help shows one spelling"
 
 
 def test_a_short_option_of_a_plugin_s_command_stays_its_own() -> None:

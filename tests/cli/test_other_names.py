@@ -1,4 +1,4 @@
-"""A comparison names its entrants, and a command that is gone what it is now."""
+"""A comparison names its entrants, and an unknown command is refused in one line."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ def test_a_comparison_names_its_entrants_of_which_a_list_of_laws_has_not_all() -
         chosen_entrants(["xyzzy"], "--laws")
 
 
-def test_a_command_that_is_gone_says_what_it_is_now(capsys: pytest.CaptureFixture[str], monkeypatch) -> None:
+def test_an_unknown_command_is_refused_in_one_line(capsys: pytest.CaptureFixture[str], monkeypatch) -> None:
     for words, line in (
-        (["list", "--json"], "skyarm: command 'list': is now 'skyarm show'; see 'skyarm --help'\n"),
+        (["list", "--json"], "skyarm: No such command 'list'; see 'skyarm --help'\n"),
         (["xyzzy"], "skyarm: No such command 'xyzzy'; see 'skyarm --help'\n"),
     ):
         monkeypatch.setattr("sys.argv", ["skyarm", *words])

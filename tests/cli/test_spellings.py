@@ -9,7 +9,7 @@ import pytest
 from command_files import FALLS
 from every_command import CHOOSES
 
-from skyarm.cli.arguments import OLDER, names_of
+from skyarm.cli.arguments import names_of
 from skyarm.cli.run_command import _files_by_law
 from skyarm.log.formats import load_log
 from skyarm.scenario.scenario_file import load_scenario
@@ -126,11 +126,6 @@ def test_a_film_is_written_to_out_as_to_the_last_word(monkeypatch: pytest.Monkey
     for words in (("case3", "case2", "-o", "x.viser"), ("case3", "case2", "x.viser")):
         refused(skyarm("film", *words, "--laws", "paper_ct", "--laws", "paper_pd,indi"), "nothing is flown here")
     assert found == [(["case3", "case2"], ["paper_ct", "paper_pd", "indi"])] * 2
-
-
-def test_an_older_spelling_leads_to_one_of_now() -> None:
-    shown = " ".join(skyarm(command, "--help").out for command in ("run", "show"))
-    assert all(f"{new} " in shown and f"{old} " not in shown for old, new in OLDER.items())
 
 
 def test_a_command_of_a_plugin_keeps_its_own_option_of_an_older_name() -> None:

@@ -13,7 +13,6 @@ import skyarm
 from skyarm.algebra import Quaternion, Vec3
 from skyarm.algebra.scalars.taylor import Taylor
 from skyarm.control.blocks.attitude import Posture, posture, upright
-from skyarm.control.controller import ControllerError, FormerNameWarning
 from skyarm.control.laws.centroidal import make_centroidal
 from skyarm.control.laws.centroidal.base_shift import (
     FIRST_SHIFT,
@@ -484,16 +483,6 @@ def test_the_tip_stays_on_a_circle_while_the_vehicle_turns(case3):
     turn = Ramp(start=1.0, duration=20.0, height=10.0 * np.pi)
     motion = dataclasses.replace(hover((0.0, 0.0, 1.5)), x=x, y=y, yaw=turn, joints=ARM)
     assert flown(case3, motion)[0] < 1.0
-
-
-def test_options_of_the_version_before_are_read_once_more(model):
-    now = make_centroidal(model, mode="tip").par
-    with pytest.warns(FormerNameWarning, match=r"^controller\.path_rate = 2\.0: .*; write preview, s$"):
-        assert make_centroidal(model, mode="tip", path_rate=2.0).par == now
-    with pytest.warns(FormerNameWarning, match=r"controller\.shift_bandwidth = 0\.0"):
-        assert make_centroidal(model, mode="tip", shift_bandwidth=0.0).par.tip.preview is None
-    with pytest.raises(ControllerError, match=r"controller\.swing_rate = -1\.0"):
-        make_centroidal(model, mode="tip", swing_rate=-1.0)
 
 
 def begun(scenario):

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import warnings
 from dataclasses import replace
 
 import numpy as np
@@ -13,19 +12,16 @@ from centroidal_flights import fly, planned
 import skyarm
 from skyarm.algebra import Quaternion, Vec3
 from skyarm.compile import trace
-from skyarm.control.catalogue import ControllerError, make_controller, make_named, preset
-from skyarm.control.controller import FormerNameWarning
+from skyarm.control.catalogue import ControllerError, preset
 from skyarm.control.laws.centroidal import make_centroidal, torques
 from skyarm.control.laws.centroidal.options import VALUES, periods_of
 from skyarm.control.laws.centroidal.torques import TRIM
 from skyarm.control.model import Model
 from skyarm.control.onboard.export_c import export_c
 from skyarm.plant.interface import Truth
-from skyarm.records.files import Fields
 from skyarm.records.leaves import leaves, rebuild
 from skyarm.reference import hover
 from skyarm.reference.signals import Sine
-from skyarm.scenario.controller_table import controller_from
 from skyarm.scenario.scenario_record import Scenario, first_state
 from skyarm.sensing.measurement import measurement_of
 from skyarm.simulate import run
@@ -341,87 +337,9 @@ def test_mujocos_plant_sees_the_same_tip():
     assert error == pytest.approx(fly(scenario).mean("tip", 10.0, 12.0), abs=0.2)
 
 
-@pytest.mark.parametrize(
-    ("options", "message"),
-    [
-        ({"mode": "hand"}, "mode"),
-        ({"mode": [1]}, "mode"),
-        ({"preset": "soft"}, "preset"),
-        ({"preset": [1]}, "preset"),
-        *(({"delay": value}, "delay") for value in (0.003, -0.005, 1000.0, True, np.nan, np.inf, "x")),
-        *(({"control_period": value}, "control_period") for value in (0.0, -0.005, np.nan)),
-        *(({"reference_period": value}, "reference_period") for value in (0.0, -0.02, np.nan)),
-        *(({"tip_mass_limit": value}, "tip_mass_limit") for value in (-0.1, np.nan, np.inf)),
-        *(({"adaptation": value}, "adaptation") for value in (-0.1, np.nan, True, "x")),
-        *(({name: 0.0}, name) for name in ("reach", "damping", "posture", "tilt")),
-        ({"tilt": 1e6}, "tilt"),
-        ({"observer": (1.0, 2.0)}, "observer"),
-        ({"observer": (1.0, 2.0, 3.0, -4.0)}, "observer"),
-        ({"stiffness": 3.0}, "stiffness"),
-        ({"shift_limit": 0.4}, r"^controller\.shift_limit: leave it out: the tilt's bound"),
-    ],
-)
-def test_a_wrong_option_is_refused_by_its_name(options, message):
-    with pytest.raises(ControllerError, match=message) as caught:
-        make_centroidal(MODEL, **options)
-    assert "\n" not in str(caught.value)
-
-
 def test_what_is_usual_lies_within_the_ranges_and_may_be_stated():
     stated = make_centroidal(MODEL, mode="tip", **VALUES)
     assert stated.par == make_centroidal(MODEL, mode="tip").par
-
-
-GONE = (
-    *("approach", "arm_turn", "friction_adaptation", "gust_rate", "gust_shift", "joint_limits", "lag_inversion"),
-    *("low_thrust", "pull", "shift_limit", "thrust_lead", "trim_rate", "velocity_noise", "yaw_slack"),
-)
-
-
-@pytest.mark.parametrize("name", GONE)
-def test_an_option_that_is_gone_says_what_to_write(name):
-    with pytest.raises(ControllerError, match=rf"^controller\.{name}: leave it out: .*\S$"):
-        make_centroidal(MODEL, mode="tip", **{name: 1.0})
-    with pytest.raises(ControllerError, match=rf"^controller\.{name} = 1\.0: is gone; leave it out: .*\S$"):
-        make_controller("centroidal", MODEL, **{name: 1.0})
-    with pytest.raises(ControllerError, match=rf"controller\.{name} = 1\.0: law 'indi' has no such option; "):
-        make_controller("indi", MODEL, **{name: 1.0})
-
-
-@pytest.mark.parametrize("former", ["adaptive", "gusts", "robust", "stiff"])
-def test_a_former_preset_flies_the_one_with_one_note(former):
-    with pytest.warns(FormerNameWarning, match=rf"^controller\.preset = '{former}': there is one; bandwidth ") as notes:
-        found = make_centroidal(MODEL, mode="tip", preset=former)
-    assert len(notes) == 1
-    assert found == make_centroidal(MODEL, mode="tip")
-
-
-@pytest.mark.parametrize("mode", ["joint", "tip"])
-@pytest.mark.parametrize("former", ["gusts", "robust", "stiff"])
-def test_the_name_of_a_former_preset_flies_the_one_with_one_note(mode, former):
-    name = f"centroidal_{mode}_{former}"
-    for make in (preset, make_named):
-        with pytest.warns(FormerNameWarning, match=rf"^controller\.preset = '{name}': is gone, .*flies; ") as notes:
-            found = make(name, MODEL)
-        assert len(notes) == 1
-        assert found == preset(f"centroidal_{mode}", MODEL)
-
-
-def test_a_file_that_names_the_law_alone_is_told_that_its_gains_are_others():
-    """Once; a file that states its bandwidth knows, and one that names a preset is told of that."""
-    known = {"control_period": 0.005, "delay": 0.0, "age": 0.0}
-
-    def notes(table):
-        with warnings.catch_warnings(record=True) as found:
-            warnings.simplefilter("always")
-            controller_from(Fields({"law": "centroidal", **table}, "controller"), MODEL, None, known)
-        return [str(each.message) for each in found]
-
-    (only,) = notes({"mode": "tip"})
-    assert only.startswith("controller.law = 'centroidal': has other gains than 'robust'")
-    assert notes({"mode": "tip", "bandwidth": 1.0}) == []
-    (other,) = notes({"mode": "tip", "preset": "robust"})
-    assert other.startswith("controller.preset = 'robust': there is one")
 
 
 def test_the_oldest_known_delay_is_a_hundred_periods():

@@ -23,10 +23,9 @@ sys.path.append(str(Path(__file__).resolve().parents[1]))  # the tests' own modu
 
 import skyarm
 from skyarm.algebra import Quaternion, Vec3
-from skyarm.cli.arguments import EVERY, OLDER
+from skyarm.cli.arguments import EVERY
 from skyarm.cli.commands import program
 from skyarm.control.catalogue import AUTOPILOTS, LAWS, PRESETS, tuned_factors
-from skyarm.control.laws.centroidal.options import RETIRED
 from skyarm.control.laws.predictive.cost import Weights
 from skyarm.control.laws.predictive.observer import Bandwidths
 from skyarm.control.model import TORQUE_GAINS, GeometricGains, JointGains, Terms
@@ -133,8 +132,6 @@ def law_block(law: str, *left_out: str) -> str:
     rows: list[Sequence[str]] = []
     texts = option_texts(law)
     for word, option in option_words(law).items():
-        if law == "centroidal" and option in RETIRED:
-            continue
         text = texts[option]
         rows.append(_option_row(word, text))
         if f"-{word}" not in left_out:
@@ -463,10 +460,9 @@ def command_block(*words: str) -> str:
         older = any(has) and not all(has)
         if each.name in ("help", *EVERY) or each.hidden or older:
             continue
-        spelled = [word for word in each.opts if word not in OLDER]
         is_option = each.param_type_name == "option"
         value = f"`{each.metavar}`" if each.metavar else ""
-        name = ", ".join(f"`{word}`" for word in spelled) if is_option else f"`{each.metavar}`"
+        name = ", ".join(f"`{word}`" for word in each.opts) if is_option else f"`{each.metavar}`"
         default = "" if each.default in (None, False, ()) or callable(each.default) else f"`{each.default}`"
         needed = "required" if each.required else default
         rows.append((name, value if is_option else "", needed, each.help or ""))

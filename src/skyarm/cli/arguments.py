@@ -82,13 +82,9 @@ def word_completion(*words: str, registered: str = "") -> Callable[[str], list[s
     return complete
 
 
-OLDER: Mapping[str, str] = {"--controller": "--laws", "--drawing": "--out"}
-"""Older spelling of an option, still accepted with a note -> the present one."""
-
-
-def out_option(words: str, *older: str, metavar: str = "FOLDER") -> Any:
+def out_option(words: str, metavar: str = "FOLDER") -> Any:
     """Make the option for the output path, of type text since as a Path an empty name would mean the present folder."""
-    return typer.Option("--out", "-o", *older, metavar=metavar, help=words)
+    return typer.Option("--out", "-o", metavar=metavar, help=words)
 
 
 Out = Annotated[str, out_option("folder for the results, made if missing")]
@@ -135,7 +131,6 @@ Laws = Annotated[
     list[str] | None,
     typer.Option(
         "--laws",
-        "--controller",
         metavar="LAW,...",
         help="laws instead of the file's: presets, laws, gains (.toml), FILE.py:make",
         autocompletion=name_completion("controller"),
@@ -146,7 +141,6 @@ Law = Annotated[
     list[str] | None,
     typer.Option(
         "--laws",
-        "--controller",
         metavar="LAW",
         help="one law: a preset, law, gains (.toml), FILE.py:make",
         autocompletion=name_completion("controller"),

@@ -24,11 +24,10 @@ from typing import Annotated, Any, TypeAlias
 import typer
 from typer.core import TyperCommand, TyperGroup
 
-from skyarm.cli.arguments import EVERY, OLDER, Plugins
+from skyarm.cli.arguments import EVERY, Plugins
 from skyarm.cli.lines import INTERRUPTED, OUR_FAULT, WRONG_INPUT, say, say_ended, say_warning
 from skyarm.cli.output import console, with_output_options
 from skyarm.records.files import shown
-from skyarm.records.files.messages import present_names
 from skyarm.records.files.own_inputs import inputs_kept
 from skyarm.records.files.user_code import is_deliberate
 from skyarm.records.registry import Registration, load_plugin, registrations
@@ -97,7 +96,7 @@ def _value_as(kind: object, value: Any, param: Parsed, ctx: Parsed) -> object:
 
 
 class Spelled(LateConversion, TyperCommand):
-    """Typer command that accepts older spellings of its options with a note, and hides them from the help."""
+    """Typer command whose options keep out of the way of a plugin's, with the help that every command has."""
 
     def __init__(self, *words: Any, **more: Any) -> None:
         super().__init__(*words, **more)
@@ -126,20 +125,9 @@ class Spelled(LateConversion, TyperCommand):
         shared = [{each.name for each in part.params} for part in parts.values()]
         options: list[Parsed] = self.params
         for each in options:
-            each.opts = [word for word in each.opts if OLDER.get(word) not in each.opts]
             has = [each.name in names for names in shared]  # its own options, of no part, are those of older spellings
             each.hidden = each.hidden or (any(has) and not all(has))
         super().format_options(ctx, formatter)
-
-    def parse_args(self, ctx: Parsed, args: list[str]) -> list[str]:
-        """Parse the arguments of a command, and print a note for each option in an older spelling."""
-        words = dict.fromkeys(word.partition("=")[0] for word in args)
-        left = super().parse_args(ctx, args)
-        older = {word for each in self.params for word in each.opts if OLDER.get(word) in each.opts}
-        for word in words:
-            if word in older and not (ctx.resilient_parsing or ctx.params.get("quiet")):
-                say(f"note: {word} is an older spelling of {OLDER[word]}")
-        return left
 
 
 class Grouped(LateConversion, TyperGroup):
@@ -149,8 +137,6 @@ class Grouped(LateConversion, TyperGroup):
         """Find the command named by the first argument, or by the first two."""
         if " ".join(args[:2]) in self.commands:
             args = [" ".join(args[:2]), *args[2:]]
-        if args[0] not in self.commands and (now := present_names("command").get(args[0])):
-            ctx.fail(f"command {args[0]!r}: is now {now}")
         return super().resolve_command(ctx, args)
 
     def format_commands(self, ctx: Parsed, formatter: Any) -> None:

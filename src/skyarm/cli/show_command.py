@@ -38,9 +38,7 @@ def show(
         ),
     ] = None,
     gravity: Annotated[float, typer.Option(help="m/s^2, for hover and static efforts")] = 9.81,
-    drawing: Annotated[
-        str | None, out_option("drawing (.png, .svg, .pdf) in place of numbers", "--drawing", metavar="FILE")
-    ] = None,
+    drawing: Annotated[str | None, out_option("drawing (.png, .svg, .pdf) in place of numbers", metavar="FILE")] = None,
     vehicle: Annotated[
         str | None, typer.Option(help="with a flight: a vehicle; tells which of its numbers the flight excites")
     ] = None,

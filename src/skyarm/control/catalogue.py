@@ -11,7 +11,6 @@ import inspect
 import re
 import sys
 import tomllib
-import warnings
 from collections.abc import Callable, Container, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import lru_cache
@@ -20,11 +19,10 @@ from typing import Any
 
 from skyarm.algebra import Scalar, Vec3
 from skyarm.algebra.scalars import mul
-from skyarm.control.controller import Controller, ControllerError, FormerNameWarning, LawOptions
+from skyarm.control.controller import Controller, ControllerError, LawOptions
 from skyarm.control.law_checks import call_maker
 from skyarm.control.model import GeometricGains, JointGains, Model
 from skyarm.records.files import did_you_mean, must_be_one_of, nearest, shown
-from skyarm.records.files.messages import present_names
 from skyarm.records.immutable import positional
 from skyarm.records.leaves import leaves, part, rebuild, replace_at
 from skyarm.records.registry import Registration, registrations
@@ -178,16 +176,6 @@ PRESETS: Mapping[str, Preset] = {
 """Presets by name: controllers of Barakou et al. 2026 with their gains, and the centroidal law in both modes."""
 
 
-def named_now(name: str) -> str:
-    """Present name of a renamed preset, with a one-line warning; other names are returned unchanged."""
-    now = present_names("preset").get(name) if isinstance(name, str) else None
-    if now is None:
-        return name
-    words = f"controller.preset = {name!r}: is gone, {now!r} flies; {present_names('option')['centroidal.preset']}"
-    warnings.warn(words, FormerNameWarning, stacklevel=3)
-    return now
-
-
 def preset(name: str, model: Model, known: Mapping[str, float] | None = None) -> Controller:
     """Make the controller of a named preset for a model.
 
@@ -200,7 +188,6 @@ def preset(name: str, model: Model, known: Mapping[str, float] | None = None) ->
     Raises:
         ControllerError: unknown name, or gains for another number of joints.
     """
-    name = named_now(name)
     if not is_one_of(name, PRESETS):
         raise ControllerError(f"controller.preset = {shown(name)}: {must_be_one_of(PRESETS, name, SEE)}")
     law, options = PRESETS[name].law, PRESETS[name].options
@@ -267,7 +254,6 @@ def make_named(name: str, model: Model, known: Mapping[str, float] | None = None
         ControllerError: unknown name, or a controller that does not fit the model.
         AllocationError: the model's rotors do not span torque and thrust.
     """
-    name = named_now(name)
     if not is_named(name):
         raise ControllerError(f"controller = {shown(name)}: {must_be_named(name)}")
     if name in PRESETS:
@@ -278,8 +264,8 @@ def make_named(name: str, model: Model, known: Mapping[str, float] | None = None
 
 
 def is_named(name: object) -> bool:
-    """True if a value is the present or former name of a preset, or the name of a law, tuned law or autopilot."""
-    return any(is_one_of(name, names) for names in (every_name(), AUTOPILOTS, present_names("preset")))
+    """True if a value is the name of a preset, law, tuned law or autopilot."""
+    return any(is_one_of(name, names) for names in (every_name(), AUTOPILOTS))
 
 
 def is_one_of(name: object, names: Container[str]) -> bool:
@@ -329,9 +315,7 @@ def must_be_named(name: object, others: str = "") -> str:
 
 
 def no_option(law: str, options: Sequence[str], option: str) -> str:
-    """Error text for an option that a control law does not have, or no longer has."""
-    if gone := present_names("option").get(f"{law}.{option}"):
-        return f"is gone; {gone}"
+    """Error text for an option that a control law does not have."""
     return (
         f"{'autopilot' if law in AUTOPILOTS else 'law'} {law!r} has no such option; "
         f"{did_you_mean(option, options)}it has {', '.join(options)}"

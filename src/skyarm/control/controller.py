@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Any, TypeVar
@@ -105,17 +104,6 @@ def with_innermost(record: Any, own: Tree) -> Any:
     """Replace the constants (or internal state) of the control law inside all layers such as safety or servos."""
     inner = getattr(record, "inner", None)
     return replace(record, inner=with_innermost(inner, own)) if is_record(inner) else own
-
-
-class FormerNameWarning(UserWarning):
-    """Warning: an option or name from an earlier version, which the next version will not accept."""
-
-
-class FormerGainsWarning(FormerNameWarning):
-    """Warning: a law whose gains were others in an earlier version; ignored by default, shown by check --upgrade."""
-
-
-warnings.filterwarnings("ignore", category=FormerGainsWarning, append=True)
 
 
 def with_applied_command(memory: Any, sent: Command) -> Any:

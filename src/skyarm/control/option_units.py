@@ -14,7 +14,7 @@ from dataclasses import replace
 from skyarm.control.blocks.geometric import RATE_ERRORS
 from skyarm.control.catalogue import entry_of
 from skyarm.control.law_maker import constants_of
-from skyarm.control.laws.centroidal.options import GAINS, RANGES, RETIRED, VALUES
+from skyarm.control.laws.centroidal.options import GAINS, RANGES, VALUES
 from skyarm.control.laws.centroidal.parameters import MODES
 from skyarm.control.model import Options, Terms
 from skyarm.dynamics.actuators.mixer import POLICIES
@@ -66,7 +66,6 @@ CHOICES: Mapping[str, str] = {
 
 def _text_of(law: str, option: str) -> OptionText:
     """Description of an option of a law in words; an empty one if there is none."""
-    option = "retired" if law == "centroidal" and option in RETIRED else option
     row = {**_TEXTS["shared"].get(option, {}), **_TEXTS.get(law, {}).get(option, {})}
     if not row:
         return OptionText()

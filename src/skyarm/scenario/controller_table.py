@@ -18,7 +18,6 @@ import dataclasses
 import inspect
 import math
 import os
-import warnings
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, TypeGuard, get_args
@@ -37,11 +36,10 @@ from skyarm.control.catalogue import (
     suitable_options,
     tuned_factors,
 )
-from skyarm.control.controller import Controller, ControllerError, FormerGainsWarning, autopilot_of
+from skyarm.control.controller import Controller, ControllerError, autopilot_of
 from skyarm.control.model import Model, Options
 from skyarm.dynamics.actuators import AllocationError
 from skyarm.records.files import Fields, did_you_mean, errors_as, must_be_one_of, number, read_toml, require_file, shown
-from skyarm.records.files.messages import present_names
 from skyarm.records.files.names import require_kind
 from skyarm.records.leaves import Place, is_leaf, is_record, is_record_class, parts, replace_at, walk
 from skyarm.records.read_table import value_from
@@ -218,8 +216,7 @@ def by_words(fields: Fields, model: Model, timing: Mapping[str, float], *, loade
     law = fields.take("law")
     if is_law_of_file(law) and not loaded:
         raise ValueError(f"{fields.at('law')} = {shown(law)}: must not be a file's; only --laws takes FILE.py:make")
-    name = present_names("preset").get(law, law) if isinstance(law, str) else law
-    hint = f"; it is a preset: preset = {name!r}" if name in (*PRESETS,) else ""
+    hint = f"; it is a preset: preset = {law!r}" if law in (*PRESETS,) else ""
     return _of_options("law", _require_name(fields, "law", LAWS, hint), fields, model, timing)
 
 
@@ -255,16 +252,7 @@ def _of_options(word: str, law: str, fields: Fields, model: Model, timing: Mappi
         # a delay that is stated shorter than the loop's is the measurement's alone
         options["age"] = min(options["age"], number(fields.table["delay"], fields.at("delay"), low=0.0))
     _require_clock(fields, timing)
-    _note_change(fields, law)
     return (make_tuned if best else make_controller)(law, model, **options)
-
-
-def _note_change(fields: Fields, law: str) -> None:
-    """Warn of a law whose default gains differ from an earlier version's, unless its table states that option."""
-    for key, note in present_names("law").items():
-        changed, word = key.split(".")
-        if law == changed and not {"preset", word} & fields.table.keys():
-            warnings.warn(f"{fields.at('law')} = {law!r}: {note}", FormerGainsWarning, stacklevel=4)
 
 
 def _require_clock(fields: Fields, timing: Mapping[str, float]) -> None:

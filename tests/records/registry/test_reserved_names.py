@@ -6,7 +6,6 @@ import pytest
 
 from skyarm.cli.commands import COMMANDS
 from skyarm.control.catalogue import PRESETS
-from skyarm.records.files.messages import present_names
 from skyarm.records.registry import RegistryError, names, register
 from skyarm.records.registry.plugins import load_plugin
 from skyarm.records.registry.shipped import RESERVED, SHIPPED
@@ -22,7 +21,7 @@ def _kept():
 
 def test_the_reserved_names_are_those_that_there_are():
     assert sorted(RESERVED["command"]["a command"]) == sorted(COMMANDS)
-    assert sorted(RESERVED["law"]["a preset"]) == sorted((*PRESETS, *present_names("preset")))
+    assert sorted(RESERVED["law"]["a preset"]) == sorted(PRESETS)
     assert RESERVED["law"]["the controller of the scenario"] == (OWN,)
 
 

@@ -3,11 +3,8 @@
 from __future__ import annotations
 
 import difflib
-import tomllib
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
-from functools import cache
-from pathlib import Path
 
 LONGEST = 100
 """Largest number of characters of a value that a message shows."""
@@ -73,28 +70,15 @@ NEAREST = 4
 
 
 def did_you_mean(word: object, known: Iterable[str]) -> str:
-    """Suggestion at the start of a message, such as ``did you mean 'case3'? ``; empty if no name is similar.
-
-    Of a word of an earlier version it is the present one.
-    """
+    """Suggestion at the start of a message, such as ``did you mean 'case3'? ``; empty if no name is similar."""
     if not isinstance(word, str):
         return ""
     names = [name for name in known if name != word]
-    now = present_names("word").get(word)
-    if now and now.split("'")[1] in names:
-        return f"is now {now}; "
     near = difflib.get_close_matches(word, names, n=1, cutoff=LIKE)
     if not near:
         lower = {name.lower(): name for name in names}
         near = [lower[each] for each in difflib.get_close_matches(word.lower(), lower, n=1, cutoff=LIKE)]
     return f"did you mean {near[0]!r}? " if near else ""
-
-
-@cache
-def present_names(kind: str) -> dict[str, str]:
-    """Former names of modules, commands, options, laws, presets or keys, each with a text on its present name."""
-    renamed: dict[str, dict[str, str]] = tomllib.loads(Path(__file__).with_name("renamed.toml").read_text("utf-8"))
-    return renamed[kind]
 
 
 def nearest(word: object, known: Iterable[str]) -> list[str]:

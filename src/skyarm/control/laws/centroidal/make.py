@@ -25,17 +25,14 @@ from skyarm.control.laws.centroidal.law import CentroidalMemory, PartMemories, c
 from skyarm.control.laws.centroidal.noise_estimate import noise_gains
 from skyarm.control.laws.centroidal.options import (
     PERIODS,
-    RETIRED,
     VALUES,
     check_entry,
     fit_gains,
     must_be_whole,
-    note_former,
     number_within,
     periods_of,
     preview_of,
     refuse,
-    without_retired,
 )
 from skyarm.control.laws.centroidal.parameters import (
     MODES,
@@ -51,7 +48,7 @@ from skyarm.control.vectored_layer import pairs_model, with_tilting
 from skyarm.dynamics.actuators import AllocationError, Mixer, make_mixer
 from skyarm.vehicle import Vehicle
 
-ENTRIES = (*options.ENTRIES, *RETIRED)
+ENTRIES = options.ENTRIES
 """Names of the options that are not in the signature of :func:`make_centroidal`."""
 
 __all__ = ["ENTRIES", "make_centroidal"]
@@ -66,7 +63,6 @@ def make_centroidal(
     model: Model,
     *,
     mode: str = "joint",
-    preset: str | None = None,
     delay: float = 0.0,
     age: float | None = None,
     control_period: float = 0.005,
@@ -82,19 +78,15 @@ def make_centroidal(
     ``delay`` is the known delay from a command to its measurement, s, a whole number of control periods, and ``age``
     what of it is the measurement's; None for all. By the rest, a delay of the commands, the reference is ahead.
     ``reference_period`` is the time between published samples, s; ``tip_mass_limit`` in kg; ``changes`` are gains and
-    options in place of :data:`~skyarm.control.laws.centroidal.options.VALUES`. ``preset`` is that of a version with
-    several: it flies the one, with a warning.
+    options in place of :data:`~skyarm.control.laws.centroidal.options.VALUES`.
 
     Raises:
-        ControllerError: an unknown mode, an option that is gone or out of its range, no end effector, or ``sideways``
+        ControllerError: an unknown mode or option, one out of its range, no end effector, or ``sideways``
             for rotors that do not span torque and force in all directions.
         AllocationError: the rotors do not span torque and thrust.
     """
     if type(mode) is not str or mode not in MODES:
         refuse("mode", mode, f"one of {list(MODES)}")
-    if preset is not None:
-        note_former(preset)
-    changes = without_retired(changes)
     gains = {**VALUES, **{name: check_entry(name, value) for name, value in changes.items()}}
     must_act(gains, admittance)
     sideways = sideways_part(gains)

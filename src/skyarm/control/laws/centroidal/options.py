@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import warnings
 from collections.abc import Mapping
 from collections.abc import Set as AbstractSet
 from typing import Any, NoReturn
@@ -11,15 +10,14 @@ from typing import Any, NoReturn
 import numpy as np
 
 from skyarm.algebra import Mat3
-from skyarm.control.controller import ControllerError, FormerNameWarning, LawOptions
+from skyarm.control.controller import ControllerError, LawOptions
 from skyarm.control.laws.centroidal.contact import options as contact
 from skyarm.control.laws.centroidal.noise_estimate import noise_share
 from skyarm.control.laws.centroidal.parameters import SHARES
 from skyarm.control.laws.centroidal.tilting import options as tilting
 from skyarm.dynamics import mass_matrix
 from skyarm.dynamics.kinematics import chain, jacobian_columns
-from skyarm.records.files import errors_as, number, shown
-from skyarm.records.files.messages import present_names
+from skyarm.records.files import errors_as, must_be_one_of, number, shown
 from skyarm.vehicle import BASE, Vehicle
 
 GAINS: Mapping[str, tuple[float, ...]] = {
@@ -61,12 +59,6 @@ RANGES: Mapping[str, tuple[float, float]] = {
 
 ENTRIES = tuple(VALUES)
 """Names of the options of the centroidal law."""
-
-RETIRED = ("shift_bandwidth", "swing_rate", "path_rate")
-"""Options of version 0.3 that are still accepted: ``preview`` replaces them."""
-
-FORMER = ("adaptive", "gusts", "robust", "stiff")
-"""Former values of the option ``preset``; all of them select the only preset that is left."""
 
 PERIODS = (1e-5, 10.0)
 """Shortest and longest period (s) of control and of reference samples."""
@@ -210,31 +202,6 @@ def number_within(name: str, value: object, low: float, high: float = math.inf) 
     return numeric if numeric <= high else refuse(name, value, f"at most {high:g}")
 
 
-def without_retired(changes: LawOptions) -> dict[str, Any]:
-    """Options without those of the former version, with a one-line warning; a disabled base shift stays disabled."""
-    current = {name: value for name, value in changes.items() if name not in RETIRED}
-    for name in RETIRED:
-        if name in changes:
-            value = number_within(name, changes[name], 0.0)
-            words = f"controller.{name} = {shown(value)}: the next version does not read it; write preview, s"
-            warnings.warn(words, FormerNameWarning, stacklevel=3)
-    if changes.get("shift_bandwidth", 1.0) == 0.0:
-        current.setdefault("preview", 0.0)
-    return current
-
-
-def note_former(preset: object) -> None:
-    """Warn in one line that the option ``preset`` is obsolete, since only one preset remains.
-
-    Raises:
-        ControllerError: a name that no version had.
-    """
-    if type(preset) is not str or preset not in FORMER:
-        refuse("preset", preset, f"left out; {present_names('option')['centroidal.preset']}")
-    words = f"controller.preset = {shown(preset)}: {present_names('option')['centroidal.preset']}"
-    warnings.warn(words, FormerNameWarning, stacklevel=3)
-
-
 def check_entry(name: str, value: Any) -> float | tuple[float, ...]:
     """Value of an option after a check of type and range.
 
@@ -242,8 +209,7 @@ def check_entry(name: str, value: Any) -> float | tuple[float, ...]:
         ControllerError: no such option, another count, or something that is no such number.
     """
     if name not in ENTRIES:
-        gone = present_names("option").get(f"centroidal.{name}")
-        raise ControllerError(f"controller.{name}: {gone or f'must be one of {sorted(ENTRIES)}'}")
+        raise ControllerError(f"controller.{name}: {must_be_one_of(sorted(ENTRIES), name)}")
     example, limits = VALUES[name], RANGES.get(name, (0.0, math.inf))
     if type(example) is bool:
         return value if type(value) is bool else refuse(name, value, "true or false")
