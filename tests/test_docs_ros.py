@@ -9,13 +9,12 @@ from pathlib import Path
 import pytest
 
 import skyarm as package
-from skyarm.links import ros
 from skyarm.links.ros import RosLink, live_session, ros_link
 from skyarm.links.ros.goals import ACCELERATION, SPEED
 from skyarm.log.ros.messages import FLIGHT, full_name
 from skyarm.log.ros.topics import FlightTopics
 from support.commands import skyarm
-from support.peers import MemoryNode, master
+from support.peers import MemoryNode, memory_nodes
 
 PAGE = (Path(__file__).resolve().parents[1] / "docs" / "ros.md").read_text("utf-8")
 ROWS = [
@@ -46,25 +45,21 @@ def test_the_numbers_are_those_of_the_code():
 
 @pytest.mark.parametrize("line", COMMANDS)
 def test_the_commands_fly(line, tmp_path, monkeypatch):
-    """Those of ROS 2 need its library: they fly on ROS 1 here, and no longer than it takes."""
+    """In memory, since ROS 2 needs its library, and no longer than it takes."""
     monkeypatch.chdir(tmp_path)
-    with master() as hub:
-        monkeypatch.setenv("ROS_MASTER_URI", hub.address)
-        words = [*shlex.split(line, comments=True)[1:], "--duration", "0.2", "--pace", "0"]
-        done = skyarm(
-            *[("1" if before == "--ros" else word) for before, word in zip(["", *words], words, strict=False)]
-        )
+    nodes = memory_nodes(monkeypatch)
+    done = skyarm(*shlex.split(line, comments=True)[1:], "--duration", "0.2", "--pace", "0")
     assert (done.code, done.err) == (0, "")
-    assert len(COMMANDS) == 2
+    assert len(nodes[0].sent["/clock"]) == 40
+    assert len(COMMANDS) == 1
 
 
 def test_the_python_flies(monkeypatch):
     (text,) = re.findall(r"```python\n(.*?)```", PAGE, re.DOTALL)
-    nodes: list[MemoryNode] = []
-    monkeypatch.setattr(ros, "open_node", lambda version: nodes.append(MemoryNode(packed=version == 1)) or nodes[-1])
+    nodes = memory_nodes(monkeypatch)
     monkeypatch.setattr(package, "load_scenario", lambda name, load=package.load_scenario: load(name, duration=0.2))
     names: dict[str, object] = {}
     exec(text, names)
-    log = names["fly"](1)
+    log = names["fly"]()
     assert log.time.size == len(nodes[0].sent["/clock"]) == 40
     assert nodes[0].closed

@@ -1,4 +1,4 @@
-"""Messages on the wire against rosbags, which shares no code with us: bytes, checksums and texts of definitions."""
+"""Messages on the wire against rosbags, which shares no code with us: bytes, and texts of definitions."""
 
 from __future__ import annotations
 
@@ -9,17 +9,13 @@ import numpy as np
 import pytest
 
 from skyarm.log.ros.message_bytes import MessageError, decode, encode
-from skyarm.log.ros.messages import DEFINITIONS, ROS1_DEFINITIONS, checksum, definition
+from skyarm.log.ros.messages import DEFINITIONS, definition
 
 typesys = pytest.importorskip("rosbags.typesys", reason="needs the extra 'test'")
 
-OLD = typesys.get_typestore(typesys.Stores.ROS1_NOETIC)
-NEW = typesys.get_typestore(typesys.Stores.ROS2_HUMBLE)
-OLD.register(typesys.get_types_from_msg("geometry_msgs/TransformStamped[] transforms", "tf2_msgs/msg/TFMessage"))
+STORE = typesys.get_typestore(typesys.Stores.ROS2_HUMBLE)
 
-ONLY_NEW = {"visualization_msgs/UVCoordinate", "visualization_msgs/MeshFile", "skyarm_msgs/Reading"}
-BUILT_IN = {"time", "duration"}
-KINDS = sorted({*ROS1_DEFINITIONS} - ONLY_NEW - BUILT_IN)
+KINDS = sorted({*DEFINITIONS} - {"skyarm_msgs/Reading"})
 
 FUZZED = 3500
 """Changed and random messages of each of six kinds."""
@@ -30,23 +26,11 @@ def full(kind: str) -> str:
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_checksums_and_texts_of_ros_1_are_those_of_rosbags(kind):
-    text, md5 = OLD.generate_msgdef(full(kind), ros_version=1)
-    assert checksum(kind, ROS1_DEFINITIONS) == md5
-    assert definition(kind, ROS1_DEFINITIONS) == text
-
-
-def test_known_checksums_of_ros_1():
-    """As ``rosmsg md5`` of ROS Noetic prints them."""
-    known = {
-        "nav_msgs/Odometry": "cd5e73d190d741a2f92e81eda573aca7",
-        "tf2_msgs/TFMessage": "94810edda583a504dfda3829e70d7eec",
-        "sensor_msgs/JointState": "3066dcd76a6cfaef579bd0f34173e9fd",
-        "geometry_msgs/PoseStamped": "d3812c3cbc69362b77dc0b19b345f8f5",
-        "std_msgs/Float64MultiArray": "4b7d974086d4060e7db4613a7e6c3ba4",
-        "rosgraph_msgs/Clock": "a9c97c1d230cfc112e270351a944ee47",
-    }
-    assert {kind: checksum(kind, ROS1_DEFINITIONS) for kind in known} == known
+def test_texts_of_definitions_are_of_the_types_of_ros(kind):
+    """By the hash with which ROS 2 tells types apart (REP 2011)."""
+    read = typesys.get_typestore(typesys.Stores.EMPTY)
+    read.register(typesys.get_types_from_msg(definition(kind, DEFINITIONS), full(kind)))
+    assert read.hash_rihs01(full(kind)) == STORE.hash_rihs01(full(kind))
 
 
 VALUES = {
@@ -87,15 +71,13 @@ def plain(message) -> object:
     return [plain(each) for each in message] if isinstance(message, list) else message
 
 
-@pytest.mark.parametrize("packed", [False, True], ids=["cdr", "ros1"])
 @pytest.mark.parametrize("kind", sorted(VALUES))
-def test_messages_are_written_and_read_as_rosbags_reads_and_writes_them(kind, packed):
-    store, definitions = (OLD, ROS1_DEFINITIONS) if packed else (NEW, DEFINITIONS)
-    data = encode(kind, definitions, VALUES[kind], 1, packed=packed)[0].tobytes()
-    read = (store.deserialize_ros1 if packed else store.deserialize_cdr)(data, full(kind))
-    written = bytes((store.serialize_ros1 if packed else store.serialize_cdr)(read, full(kind)))
+def test_messages_are_written_and_read_as_rosbags_reads_and_writes_them(kind):
+    data = encode(kind, DEFINITIONS, VALUES[kind], 1)[0].tobytes()
+    read = STORE.deserialize_cdr(data, full(kind))
+    written = bytes(STORE.serialize_cdr(read, full(kind)))
     assert written == data
-    assert decode(kind, definitions, written, packed=packed) == plain(read)
+    assert decode(kind, DEFINITIONS, written) == plain(read)
 
 
 def test_big_endian_messages_are_read():
@@ -115,15 +97,14 @@ def test_other_encapsulations_are_refused(head):
         decode("geometry_msgs/PoseStamped", DEFINITIONS, head + whole[2:])
 
 
-@pytest.mark.parametrize("packed", [False, True], ids=["cdr", "ros1"])
 @pytest.mark.parametrize("kind", ["geometry_msgs/PoseStamped", "sensor_msgs/JointState", "std_msgs/Float64MultiArray"])
-def test_bytes_that_are_no_message_are_refused_in_one_line(kind, packed):
+def test_bytes_that_are_no_message_are_refused_in_one_line(kind):
     """Cut, changed and random bytes: a message or a MessageError, and no list that fills the memory."""
-    definitions, rng = ROS1_DEFINITIONS if packed else DEFINITIONS, random.Random(kind)
-    whole = encode(kind, definitions, VALUES.get(kind, {}), 1, packed=packed)[0].tobytes()
+    rng = random.Random(kind)
+    whole = encode(kind, DEFINITIONS, VALUES.get(kind, {}), 1)[0].tobytes()
     for length in range(len(whole)):
         with pytest.raises(MessageError):
-            decode(kind, definitions, whole[:length], packed=packed)
+            decode(kind, DEFINITIONS, whole[:length])
     refused = 0
     for _ in range(FUZZED):
         data = bytearray(whole if rng.random() < 0.5 else rng.randbytes(rng.randrange(200)))
@@ -131,7 +112,7 @@ def test_bytes_that_are_no_message_are_refused_in_one_line(kind, packed):
             if data:
                 data[rng.randrange(len(data))] = rng.randrange(256)
         try:
-            decode(kind, definitions, bytes(data), packed=packed)
+            decode(kind, DEFINITIONS, bytes(data))
         except MessageError as error:
             refused += 1
             assert "\n" not in str(error)

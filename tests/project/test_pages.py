@@ -60,7 +60,6 @@ PORTS = {
     "links/autopilots/px4_ports.py": "opens ports on 127.0.0.1 for it",
     "links/joint_port.py": "opens a port for the joints of that vehicle",
     "links/outside/offboard_link.py": "`skyarm fly` opens the port that you name",
-    "links/ros/ros1_node.py": "Live topics (`skyarm run --ros`) open ports on 127.0.0.1",
     "links/ros/ros2_node.py": "Live topics (`skyarm run --ros`) open ports on 127.0.0.1",
 }
 """Modules that open a port through ``studio/server.py``, and the words of SECURITY.md for each."""

@@ -84,7 +84,7 @@ def run(
         str | None, typer.Option("--plot", metavar="FILE", help="draw the flight into this file (.png, .svg or .pdf)")
     ] = None,
     ros: Annotated[
-        int | None, typer.Option(metavar="1|2", help="publish topics of ROS 1 or 2 and take commands, at real time")
+        int | None, typer.Option(metavar="2", help="publish topics of ROS 2 and take commands, at real time")
     ] = None,
     pace: Annotated[float, typer.Option(help="with --ros: flight over wall time; 0: as fast as possible")] = 1.0,
 ) -> None:

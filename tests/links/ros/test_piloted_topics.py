@@ -40,7 +40,7 @@ def test_an_autopilot_follows_goals_and_takes_no_commands(tmp_path, monkeypatch)
     monkeypatch.setenv("STAND_IN_NOTE", str(tmp_path / "note.txt"))
     node = Steering()
     scenario = skyarm.load_scenario("case3", controller="ardupilot", duration=0.6)
-    live = fly_live(scenario, node, 2, pace=float("inf"), warn=pytest.fail)
+    live = fly_live(scenario, node, pace=float("inf"), warn=pytest.fail)
     assert live.log.status == "completed", live.log.info["cause"]
     assert (live.goals, live.commanded) == (1, 0)
     assert COMMAND not in node.heard

@@ -3,6 +3,7 @@
 import errno
 import os
 import shutil
+import signal
 import socket
 import subprocess
 import sys
@@ -25,7 +26,7 @@ pytest.importorskip("cyclonedds", reason="needs the extra 'ros'")
 from cyclonedds.core import Policy, Qos
 from cyclonedds.domain import DomainParticipant
 from cyclonedds.idl import IdlStruct
-from cyclonedds.idl.types import float64, sequence, uint32
+from cyclonedds.idl.types import float64, int32, sequence, uint32
 from cyclonedds.pub import DataWriter
 from cyclonedds.sub import DataReader
 from cyclonedds.topic import Topic
@@ -54,6 +55,17 @@ class Layout(IdlStruct, typename="std_msgs::msg::dds_::MultiArrayLayout_"):
 class Numbers(IdlStruct, typename="std_msgs::msg::dds_::Float64MultiArray_"):
     layout: Layout
     data: sequence[float64]
+
+
+@dataclass
+class Time(IdlStruct, typename="builtin_interfaces::msg::dds_::Time_"):
+    sec: int32
+    nanosec: uint32
+
+
+@dataclass
+class Clock(IdlStruct, typename="rosgraph_msgs::msg::dds_::Clock_"):
+    clock: Time
 
 
 def wait_until(happened: Callable[[], object], seconds: float = 10.0) -> None:
@@ -190,6 +202,36 @@ def test_a_configuration_of_the_users_takes_the_place_of_ours(monkeypatch):
         Ros2Node(DOMAIN + 1)
 
 
+@pytest.mark.skipif(sys.platform == "win32", reason="signals of POSIX")
+@pytest.mark.parametrize("number", [pytest.param(signal.SIGINT, marks=pytest.mark.thorough), signal.SIGTERM])
+def test_a_signal_is_one_line_keeps_the_log_and_leaves_the_domain(node, tmp_path, number):
+    """The other participant has a type of its own; one that were not told would take 10 s to miss the node."""
+    reader = DataReader(participant := DomainParticipant(DOMAIN), Topic(participant, "rt/clock", Clock))
+    words = [sys.executable, "-m", "skyarm", "run", "case3", "--duration", "60", "--ros", "2", "--quiet"]
+    around = {**os.environ, "ROS_DOMAIN_ID": str(DOMAIN)}
+    heard: list[Clock] = []
+    with subprocess.Popen(words, cwd=tmp_path, env=around, stderr=subprocess.PIPE, text=True) as process:
+
+        def flies() -> bool:
+            assert process.poll() is None
+            heard.extend(reader.take(100))
+            return len(heard) > 1
+
+        wait_until(flies, 60.0)
+        assert len(reader.get_matched_publications()) == 1
+        os.kill(process.pid, number)
+        _, errors = process.communicate(timeout=30.0)
+    assert process.returncode == 128 + number
+    assert errors.count("\n") == 1
+    assert errors.startswith("skyarm: ")
+    wait_until(lambda: not reader.get_matched_publications(), 5.0)
+    folder = tmp_path / "out" / "run"
+    log = skyarm.load_log(folder / "case3.npz")
+    assert log.status == "running"
+    assert log.time[-1] >= heard[-1].clock.sec + 1e-9 * heard[-1].clock.nanosec - 1e-9
+    assert sorted(folder.iterdir()) == [folder / "case3.csv", folder / "case3.npz"]
+
+
 def idl(definitions) -> str:
     """Types in the language of OMG's IDL, as ROS 2 names them, in an order in which each follows what it is made of."""
     done: list[str] = []
@@ -245,7 +287,7 @@ def test_fast_dds_sees_a_flight_and_gives_it_goals_and_commands(tmp_path):
     given = [str(DOMAIN), "4.5", "0.5", "-0.3", "1.4", "joint1", "0.2", *(["430"] * 4), "0", "0"]
     told: list[str] = []
     with subprocess.Popen(["./peer", *given], cwd=tmp_path, stdout=subprocess.PIPE, text=True) as process:
-        live = fly_live(skyarm.load_scenario("case3", duration=5.9), Ros2Node(DOMAIN), 2, warn=told.append)
+        live = fly_live(skyarm.load_scenario("case3", duration=5.9), Ros2Node(DOMAIN), warn=told.append)
         answer, _ = process.communicate(timeout=30)
     counts, pose, first, second, frames = answer.splitlines()
     heard = dict(zip(counts.split()[::2], map(int, counts.split()[1::2]), strict=True))

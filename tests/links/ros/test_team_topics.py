@@ -15,12 +15,12 @@ from skyarm.dynamics.actuators import Command
 from skyarm.links.ros import RosLink, live_session
 from skyarm.links.ros.live_flight import fly_live
 from skyarm.log.ros.message_bytes import decode, encode
-from skyarm.log.ros.messages import FLIGHT
+from skyarm.log.ros.messages import DEFINITIONS, FLIGHT
 from skyarm.log.ros.topics import FlightTopics
 from skyarm.scenario.scenario_record import NamedSensor
 from skyarm.simulate.session import Session
 from support.commands import skyarm as typed
-from support.peers import MemoryNode, master
+from support.peers import MemoryNode, memory_nodes
 from support.teams import TEAMS, team
 
 NUMBERS, POSE, JOINTS = "std_msgs/Float64MultiArray", "geometry_msgs/PoseStamped", "sensor_msgs/JointState"
@@ -46,8 +46,8 @@ def linked(scenario: skyarm.Scenario) -> tuple[RosLink, MemoryNode, list[str]]:
     return RosLink(live_session(scenario)[0], node, warn=told.append), node, told
 
 
-def message(node: MemoryNode, kind: str, values: dict[str, object]) -> bytes:
-    return encode(kind, node.definitions, values, 1)[0].tobytes()
+def message(kind: str, values: dict[str, object]) -> bytes:
+    return encode(kind, DEFINITIONS, values, 1)[0].tobytes()
 
 
 @pytest.mark.parametrize(
@@ -78,7 +78,7 @@ def test_frames_of_both_vehicles_are_sent_on_one_topic():
     link, node, _ = linked(armed())
     link.step()
     log = link.session.log
-    sent = [decode("tf2_msgs/TFMessage", node.definitions, each)["transforms"] for each in node.sent["/tf"]]
+    sent = [decode("tf2_msgs/TFMessage", DEFINITIONS, each)["transforms"] for each in node.sent["/tf"]]
     moving = {each["child_frame_id"]: each for transforms in sent for each in transforms}
     for name, own in log.agents.items():
         place = moving[f"{name}/base_link"]["transform"]["translation"]
@@ -93,10 +93,10 @@ def test_rotors_and_applied_commands_are_those_of_the_vehicle_in_the_name():
     for _ in range(10):
         link.step()
     for name, own in link.session.log.agents.items():
-        turning = [decode(JOINTS, node.definitions, each) for each in node.sent[f"/{name}/rotor_states"]]
+        turning = [decode(JOINTS, DEFINITIONS, each) for each in node.sent[f"/{name}/rotor_states"]]
         np.testing.assert_array_equal([each["velocity"] for each in turning], own.rotor_speeds)
         assert turning[0]["name"] == [rotor.name for rotor in armed().agents[name].plant.vehicle.rotors]
-        applied = [decode(NUMBERS, node.definitions, each)["data"] for each in node.sent[f"/{name}/skyarm/applied"]]
+        applied = [decode(NUMBERS, DEFINITIONS, each)["data"] for each in node.sent[f"/{name}/skyarm/applied"]]
         np.testing.assert_array_equal(applied, np.hstack([own.rotor_commands, own.efforts]))
 
 
@@ -106,8 +106,8 @@ def test_a_command_flies_one_vehicle_while_the_other_is_under_its_law():
     command = Command(rotor_speeds=tuple(values[:4]), efforts=tuple(values[4:]))
     for k in range(40):
         if k == 5:
-            node.inbox["/right/skyarm/command"] = [message(node, NUMBERS, {"data": np.array(values)})]
-            node.inbox["/left/skyarm/command"] = [message(node, NUMBERS, {"data": np.array(values)})]
+            node.inbox["/right/skyarm/command"] = [message(NUMBERS, {"data": np.array(values)})]
+            node.inbox["/left/skyarm/command"] = [message(NUMBERS, {"data": np.array(values)})]
         link.step()
         other.step({"right": command} if 5 <= k < 25 else None)  # 0.1 s at 200 Hz
     assert link.commanded == 20
@@ -128,9 +128,9 @@ def test_goals_move_the_vehicle_that_they_are_sent_to_and_the_log_repeats_them(t
     }
     while link.session.running:
         if link.session.tick == 10:
-            node.inbox["/left/skyarm/goal"] = [message(node, POSE, goal)]
+            node.inbox["/left/skyarm/goal"] = [message(POSE, goal)]
             joints = {"name": names[1:2], "position": np.array([0.2])}
-            node.inbox["/right/skyarm/joint_goal"] = [message(node, JOINTS, joints)]
+            node.inbox["/right/skyarm/joint_goal"] = [message(JOINTS, joints)]
         link.take_goals()
         link.session.step()
     log = link.session.log
@@ -151,7 +151,7 @@ def test_a_vehicle_that_takes_no_goals_is_named_by_its_topic():
     change = skyarm.Change(at=0.1, path="agents.right.reference.z.value", value=1.01)
     scenario = dataclasses.replace(team("bar", duration=0.2), changes=(change,))
     node = MemoryNode()
-    live = fly_live(scenario, node, 2, pace=math.inf, warn=told.append)
+    live = fly_live(scenario, node, pace=math.inf, warn=told.append)
     assert told == ["no goals are taken on /right/skyarm/goal, since of the reference it changes in flight"]
     assert {*node.heard} == {"/left/skyarm/command", "/left/skyarm/goal", "/right/skyarm/command"}
     assert live_session(scenario)[1] == "right: it changes in flight"
@@ -163,13 +163,12 @@ def test_a_vehicle_that_takes_no_goals_is_named_by_its_topic():
 @pytest.mark.thorough
 def test_the_command_flies_a_team_with_topics(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    with master() as hub:
-        monkeypatch.setenv("ROS_MASTER_URI", hub.address)
-        words = ("run", str(TEAMS / "bar.toml"), "--duration", "0.2", "--ros", "1", "--pace", "0", "--json")
-        done = typed(*words, "--log", str(tmp_path / "flight.npz"))
+    nodes = memory_nodes(monkeypatch)
+    words = ("run", str(TEAMS / "bar.toml"), "--duration", "0.2", "--ros", "2", "--pace", "0", "--json")
+    done = typed(*words, "--log", str(tmp_path / "flight.npz"))
     assert (done.code, done.err) == (0, "")
-    assert json.loads(done.out)["ros"] == {"version": 1, "commanded": 0, "goals": 0, "late_s": 0.0}
-    assert {hub.kinds[f"/{name}/odom"] for name in ("left", "right")} == {"nav_msgs/Odometry"}
+    assert json.loads(done.out)["ros"] == {"version": 2, "commanded": 0, "goals": 0, "late_s": 0.0}
+    assert {nodes[0].kinds[f"/{name}/odom"] for name in ("left", "right")} == {"nav_msgs/Odometry"}
     flown = skyarm.load_log(tmp_path / "flight.npz")
     plain = skyarm.run(team("bar", duration=0.2))
     np.testing.assert_array_equal(flown.agents["right"].position, plain.agents["right"].position)

@@ -7,17 +7,15 @@ __all__ = ["Node", "RosError", "RosLink", "live_session", "open_node"]
 
 
 def open_node(version: int) -> Node:
-    """Open a node of ROS 1 or 2, on loopback unless ROS's own environment variables say otherwise.
+    """Open a node of ROS 2, on loopback unless ROS's own environment variables say otherwise.
 
     Raises:
-        RosError: another version, a library or a master that is missing.
+        RosError: another version, or the library is missing.
     """
-    if version == 1:
-        from skyarm.links.ros.ros1_node import Ros1Node
+    if version != 2:
+        raise RosError(
+            f"--ros = {version}: must be 2; ROS 1 ended in May 2025, and ros1_bridge connects its nodes to --ros 2"
+        )
+    from skyarm.links.ros.ros2_node import Ros2Node
 
-        return Ros1Node()
-    if version == 2:
-        from skyarm.links.ros.ros2_node import Ros2Node
-
-        return Ros2Node()
-    raise RosError(f"--ros = {version}: must be 1 or 2")
+    return Ros2Node()

@@ -60,7 +60,6 @@ class LiveFlight:
 
     Attributes:
         log: log of the flight.
-        version: version of ROS.
         commanded: periods flown under commands from ROS.
         goals: taken from ROS.
         late: s by which it was slower than its pace.
@@ -69,7 +68,6 @@ class LiveFlight:
     """
 
     log: Log
-    version: int
     commanded: int
     goals: int
     late: float
@@ -78,7 +76,7 @@ class LiveFlight:
     @property
     def facts(self) -> dict[str, float]:
         """ROS version, counts of commands and goals, and delay (s), by their keys in the JSON document."""
-        return {"version": self.version, "commanded": self.commanded, "goals": self.goals, "late_s": self.late}
+        return {"version": 2, "commanded": self.commanded, "goals": self.goals, "late_s": self.late}
 
     @property
     def lines(self) -> list[str]:
@@ -86,11 +84,11 @@ class LiveFlight:
         rate, lines = float(self.log.info["rates_hz"]["control"]), list[str]()
         if self.commanded:
             seconds = self.commanded / rate
-            lines.append(f"ROS {self.version}: commanded from outside for {seconds:g} s, which no scenario repeats")
+            lines.append(f"ROS 2: commanded from outside for {seconds:g} s, which no scenario repeats")
         if self.goals:
-            lines.append(f"ROS {self.version}: goals taken: {self.goals}")
+            lines.append(f"ROS 2: goals taken: {self.goals}")
         if self.late > SOON:
-            lines.append(f"ROS {self.version}: {self.late:.3g} s behind its pace; --pace makes it slower")
+            lines.append(f"ROS 2: {self.late:.3g} s behind its pace; --pace makes it slower")
         return lines
 
 
@@ -105,12 +103,12 @@ def fly_with_topics(
     """Fly a scenario for ``skyarm run --ros``.
 
     Raises:
-        ValueError: a pace below 0, another version, or a ROS that is not there.
+        ValueError: a pace below 0, another version than 2, or its library is missing.
     """
     if not 0.0 <= pace < math.inf:
         raise ValueError(f"--pace = {pace:g}: must be a finite number, 0 or above")
     return fly_live(
-        scenario, open_node(version), version, pace=pace or math.inf, advance=advance, preparing=preparing,
+        scenario, open_node(version), pace=pace or math.inf, advance=advance, preparing=preparing,
         warn=lambda line: say(f"warning: {line}"),
     )  # fmt: skip
 
@@ -118,7 +116,6 @@ def fly_with_topics(
 def fly_live(
     scenario: Scenario,
     node: Node,
-    version: int,
     *,
     pace: float = 1.0,
     advance: Callable[[int, int], object] = lambda _done, _total: None,
@@ -130,11 +127,10 @@ def fly_live(
     Args:
         scenario: scenario to fly.
         node: node of ROS.
-        version: version of ROS.
         pace: flight time over wall time; infinite waits for nothing.
         advance: is called with the periods flown and their number some times a second.
         preparing: function as of :func:`skyarm.simulate.session.open_session`.
-        warn: is told in one line of a lost master and of messages that are refused.
+        warn: is told in one line of messages that are refused.
     """
     interrupted: BaseException | None = None
     clock = Pace(pace)
@@ -148,7 +144,7 @@ def fly_live(
         with closing(session):
             link = RosLink(session, node, warn=warn)
             try:
-                _fly(link, clock, advance, warn)
+                _fly(link, clock, advance)
             except RosError as error:
                 warn(f"{error}; the flight ends after {session.time:g} s")
             except Exception:
@@ -160,7 +156,6 @@ def fly_live(
         node.close()
     return LiveFlight(
         log=log,
-        version=version,
         commanded=link.commanded,
         goals=link.goals,
         late=clock.late,
@@ -168,18 +163,12 @@ def fly_live(
     )
 
 
-def _fly(link: RosLink, clock: Pace, advance: Callable[[int, int], object], warn: Warn) -> None:
-    """Simulate a session with ROS topics, paced by a clock, until it ends or ROS shuts the node down."""
-    session, node, reported, lost = link.session, link.node, -math.inf, False
+def _fly(link: RosLink, clock: Pace, advance: Callable[[int, int], object]) -> None:
+    """Simulate a session with ROS topics, paced by a clock, until it ends."""
+    session, reported = link.session, -math.inf
     while session.running:
         clock.wait(session.time)
         link.step()
-        if node.end_reason:
-            warn(f"{node.end_reason} after {session.time:g} s of flight")
-            return
-        if node.problem and not lost:
-            lost = True
-            warn(f"at {session.time:g} s: {node.problem}; the flight goes on for those that are connected")
         if time.perf_counter() - reported > TOLD or not session.running:
             reported = time.perf_counter()
             advance(session.tick, session.scenario.steps)

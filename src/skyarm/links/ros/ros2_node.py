@@ -16,7 +16,7 @@ import time
 from collections.abc import Iterable, Mapping
 from typing import Any, Protocol
 
-from skyarm.links.ros.node import LOOPBACK, MOST_WAITING, RosError
+from skyarm.links.ros.node import RosError
 from skyarm.log.ros.messages import DEFINITIONS, MessageField, fields
 from skyarm.records.files import needs_extra, shown
 
@@ -25,6 +25,11 @@ DOMAIN = "ROS_DOMAIN_ID"
 
 CONFIGURATION = "CYCLONEDDS_URI"
 """Environment variable with a user's Cyclone configuration, which replaces this one, for example for other machines."""
+
+LOOPBACK = "127.0.0.1"
+
+MOST_WAITING = 100
+"""Largest number of waiting messages for a slow receiver or for the flight; older ones are dropped."""
 
 MOST_DOMAIN = 232
 """Highest number of a DDS domain, whose ports end at 65535."""
@@ -55,10 +60,6 @@ class Ros2Node:
         RosError: cyclonedds is missing, or the domain cannot be joined.
     """
 
-    packed = False
-    problem = end_reason = ""
-    """Empty: DDS has no server that could be lost, and ROS 2 ends no other process."""
-
     def __init__(self, domain: int | None = None, definitions: Mapping[str, str] = DEFINITIONS) -> None:
         try:
             import cyclonedds.core
@@ -71,7 +72,6 @@ class Ros2Node:
         except ImportError:
             raise RosError(f"cyclonedds: is missing; ROS 2 {needs_extra('ros')}") from None
         self._dds: Any = cyclonedds
-        self.definitions = definitions
         self._types = DdsTypes(definitions)
         self._number = _domain_of_environment() if domain is None else domain
         self._writers: dict[str, Any] = {}

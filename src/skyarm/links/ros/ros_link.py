@@ -27,7 +27,7 @@ from skyarm.links.ros.node import Content, Node
 from skyarm.log.flight_log import Log
 from skyarm.log.log_columns import names_of
 from skyarm.log.ros.message_bytes import MessageError, decode, encode
-from skyarm.log.ros.messages import FLIGHT
+from skyarm.log.ros.messages import DEFINITIONS, FLIGHT
 from skyarm.log.ros.scene import LogSection
 from skyarm.log.ros.topics import FlightTopics, Topic, every_of, namespace_of, topics_of_all
 from skyarm.log.sensor_data import COMPONENTS
@@ -98,7 +98,7 @@ class RosLink:
 
     Args:
         session: session to fly period by period with :meth:`step`; one of :func:`live_session` takes goals.
-        node: node of ROS 1 or 2; the link closes it.
+        node: node of ROS; the link closes it.
         timeout: s of flight after the last command until the law takes over again.
         warn: is told of messages that are refused, once for each topic; by default a Python warning.
 
@@ -114,7 +114,7 @@ class RosLink:
         self._warn, self._begun = warn, False
         self._refused: set[str] = set()
         try:
-            self._log, self._definitions = session.log, node.definitions
+            self._log = session.log
             # of the table of every number only a file explains the type
             of_log = (topic for topic in FlightTopics(self._log).topics if topic.kind != FLIGHT)
             vehicles = session.scenario.vehicles
@@ -176,15 +176,14 @@ class RosLink:
                 continue
             with np.errstate(all="ignore"):
                 values = topic.values(LogSection(instant, slice(None)))
-            data = encode(topic.kind, self._definitions, values, 1, packed=self.node.packed)
-            self.node.send(topic.name, data[0].tobytes())
+            self.node.send(topic.name, encode(topic.kind, DEFINITIONS, values, 1)[0].tobytes())
         self._begun = True
 
     def _take_messages(self, topic: str, kind: str, use: Callable[[Content], None]) -> None:
         """Decode and use the messages that have arrived on a topic; invalid ones are refused."""
         for data in self.node.take(topic):
             try:
-                use(decode(kind, self._definitions, data, packed=self.node.packed))
+                use(decode(kind, DEFINITIONS, data))
             except MessageError as error:
                 if topic not in self._refused:
                     self._refused.add(topic)

@@ -1,8 +1,7 @@
 """Byte encoding of ROS messages: encodes many messages of one type at a time, decodes single messages.
 
 CDR: OMG DDS-XTypes 1.3, section 7.4.3: plain CDR version 1: primitives lie at multiples of their size, counted behind
-the four bytes of the encapsulation header; texts have their length and a closing zero. Messages of ROS 1 are the same
-fields without padding, header and closing zeros (wiki.ros.org/ROS/Connection Header, msg).
+the four bytes of the encapsulation header; texts have their length and a closing zero.
 
 Within a channel texts and the lengths of lists stay, so that every message has its numbers at the same places: a
 template is laid out once, and the numbers are copied into its copies column by column. The serializers of rosbags and
@@ -52,7 +51,7 @@ LETTERS = {
 LENGTH = LETTERS["uint32"]
 """Type of the length of a text or list."""
 
-TIMES = ("builtin_interfaces/Time", "time")
+TIME = "builtin_interfaces/Time"
 
 NANO = 1_000_000_000
 
@@ -66,12 +65,10 @@ class Template:
 
     Args:
         definitions: definition of each type.
-        packed: bytes of ROS 1: no encapsulation, no padding, texts without a closing zero.
     """
 
-    def __init__(self, definitions: Mapping[str, str], *, packed: bool = False) -> None:
-        self._definitions, self._packed = definitions, packed
-        self._bytes = bytearray(b"" if packed else HEADER)
+    def __init__(self, definitions: Mapping[str, str]) -> None:
+        self._definitions, self._bytes = definitions, bytearray(HEADER)
         self._numbers: list[tuple[int, AnyArray]] = []
 
     def record(self, kind: str, values: Values) -> None:
@@ -94,12 +91,12 @@ class Template:
     def _one(self, kind: str, value: Value) -> None:
         if kind == "string":
             assert value is None or isinstance(value, str)
-            content = (value or "").encode() + (b"" if self._packed else b"\0")
+            content = (value or "").encode() + b"\0"
             self._numbers_at(LENGTH, len(content))
             self._bytes += content
         elif kind in LETTERS:
             self._numbers_at(LETTERS[kind], 0 if value is None else value)
-        elif kind in TIMES and value is not None:
+        elif kind == TIME and value is not None:
             self._numbers_at("i", np.asarray(value) // NANO)
             self._numbers_at("I", np.asarray(value) % NANO)
         else:
@@ -117,8 +114,7 @@ class Template:
     def _numbers_at(self, letter: str, value: Value, row: bool = False) -> None:
         """Append a number or list to a message template: its bytes if constant, else a gap to fill in each message."""
         array = np.asarray(value).astype(f"<{letter}", copy=False)
-        if not self._packed:
-            self._bytes += bytes(-(len(self._bytes) - len(HEADER)) % array.itemsize)
+        self._bytes += bytes(-(len(self._bytes) - len(HEADER)) % array.itemsize)
         if array.ndim == int(row):
             self._bytes += array.tobytes()
             return
@@ -136,8 +132,8 @@ class Template:
         return rows
 
 
-def encode(kind: str, definitions: Mapping[str, str], values: Values, count: int, *, packed: bool = False) -> Bytes:
-    """Encode many ROS messages of one type as CDR bytes, or as those of ROS 1.
+def encode(kind: str, definitions: Mapping[str, str], values: Values, count: int) -> Bytes:
+    """Encode many ROS messages of one type as CDR bytes.
 
     Args:
         kind: key of ``definitions``.
@@ -145,12 +141,11 @@ def encode(kind: str, definitions: Mapping[str, str], values: Values, count: int
         values: fields by name: texts and lists of texts as they are; numbers for all messages, or arrays (count,), and
             (count, k) for lists of numbers; records as tables in turn; a Time in ns. What is left out is zero.
         count: number of messages.
-        packed: whether the bytes are of ROS 1.
 
     Returns:
         (count, size): the bytes of each.
     """
-    template = Template(definitions, packed=packed)
+    template = Template(definitions)
     template.record(kind, values)
     return template.messages(count)
 
@@ -160,18 +155,15 @@ class Decoder:
 
     Args:
         definitions: type -> its fields.
-        data: the message.
-        packed: bytes of ROS 1; else CDR with its encapsulation.
+        data: the message, with its encapsulation.
     """
 
-    def __init__(self, definitions: Mapping[str, str], data: bytes, *, packed: bool) -> None:
-        self._definitions, self._data, self._packed = definitions, data, packed
-        self._at, self._order = 0, "<"
-        if not packed:
-            # representation: plain CDR, big or little endian
-            if len(data) < len(HEADER) or data[0] != 0 or data[1] not in (0, 1):
-                raise MessageError("must be plain CDR")
-            self._at, self._order = len(HEADER), "<" if data[1] else ">"
+    def __init__(self, definitions: Mapping[str, str], data: bytes) -> None:
+        # representation: plain CDR, big or little endian
+        if len(data) < len(HEADER) or data[0] != 0 or data[1] not in (0, 1):
+            raise MessageError("must be plain CDR")
+        self._definitions, self._data = definitions, data
+        self._at, self._order = len(HEADER), "<" if data[1] else ">"
 
     def record(self, kind: str) -> Message:
         """Decode a message into a dictionary by field name, with nested messages as dictionaries."""
@@ -189,8 +181,7 @@ class Decoder:
         if kind in LETTERS:
             return self._number(LETTERS[kind])
         if kind == "string":
-            content = self._bytes(int(self._number(LENGTH)))
-            return content.removesuffix(b"" if self._packed else b"\0").decode(errors="replace")
+            return self._bytes(int(self._number(LENGTH))).removesuffix(b"\0").decode(errors="replace")
         return self.record(kind)
 
     def _number(self, letter: str) -> int | float:
@@ -198,7 +189,7 @@ class Decoder:
 
     def _numbers(self, letter: str, count: int) -> tuple[int | float, ...]:
         size = struct.calcsize(f"<{letter}")
-        if count and not self._packed:
+        if count:
             self._at += -(self._at - len(HEADER)) % size
         return struct.unpack(f"{self._order}{count}{letter}", self._bytes(size * count))
 
@@ -210,14 +201,13 @@ class Decoder:
         return data
 
 
-def decode(kind: str, definitions: Mapping[str, str], data: bytes, *, packed: bool = False) -> Message:
+def decode(kind: str, definitions: Mapping[str, str], data: bytes) -> Message:
     """Decode one ROS message.
 
     Args:
         kind: its type, a key of ``definitions``.
         definitions: definitions of that type and of all types in it.
         data: its bytes.
-        packed: bytes of ROS 1; else CDR.
 
     Returns:
         its fields by name; records in it are dictionaries in turn.
@@ -225,4 +215,4 @@ def decode(kind: str, definitions: Mapping[str, str], data: bytes, *, packed: bo
     Raises:
         MessageError: the bytes are no such message.
     """
-    return Decoder(definitions, data, packed=packed).record(kind)
+    return Decoder(definitions, data).record(kind)

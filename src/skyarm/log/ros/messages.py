@@ -1,13 +1,12 @@
-"""ROS message types: definitions, field lists, and the MD5 checksums of ROS 1.
+"""ROS message types: definitions and field lists.
 
 Definitions: ros2/common_interfaces, ros2/geometry2 and ros2/rcl_interfaces, branch humble, without comments and
-constants. They are written into every file, so that a reader needs no ROS. ROS 1 has the same types but for
-:data:`ROS1_DEFINITIONS`. Bytes are written and read by them in :mod:`skyarm.log.ros.message_bytes`.
+constants. They are written into every file, so that a reader needs no ROS. Bytes are written and read by them in
+:mod:`skyarm.log.ros.message_bytes`.
 """
 
 from __future__ import annotations
 
-import hashlib
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from functools import lru_cache
@@ -16,19 +15,8 @@ from typing import NamedTuple
 from skyarm.log.log_columns import LogColumn
 from skyarm.records.files import shipped_tables
 
-_TABLES = shipped_tables(__file__)
-
-DEFINITIONS: Mapping[str, str] = _TABLES["definitions"]
+DEFINITIONS: Mapping[str, str] = shipped_tables(__file__)["definitions"]
 """Message type, without ``/msg/`` in its name -> its fields."""
-
-_BUILT_IN = {"builtin_interfaces/Time": "time", "builtin_interfaces/Duration": "duration"}
-"""Types that ROS 1 defines without a package."""
-
-ROS1_DEFINITIONS: Mapping[str, str] = {
-    _BUILT_IN.get(kind, kind): re.sub("|".join(_BUILT_IN), lambda match: _BUILT_IN[match[0]], text)
-    for kind, text in {**DEFINITIONS, **_TABLES["ros1"]}.items()
-}
-"""Message type of ROS 1 -> its fields, with the constants that a checksum covers."""
 
 FLIGHT = "skyarm_msgs/Flight"
 """Message type of skyarm: every number of a log at one control instant, one field per column."""
@@ -68,7 +56,7 @@ def flight_definition(columns: Sequence[LogColumn]) -> str:
 
 
 def definition(kind: str, definitions: Mapping[str, str]) -> str:
-    """Definition of a ROS message type followed by those of its nested types, as MCAP and ROS 1 require."""
+    """Definition of a ROS message type followed by those of its nested types, as MCAP requires."""
     nested = dict.fromkeys(_nested_types(kind, definitions))
     parts = (f"{'=' * 80}\nMSG: {each}\n{definitions[each]}\n" for each in nested)
     return "".join([f"{definitions[kind]}\n", *parts])
@@ -79,17 +67,3 @@ def _nested_types(kind: str, definitions: Mapping[str, str]) -> Iterator[str]:
         if "/" in field.kind:
             yield field.kind
             yield from _nested_types(field.kind, definitions)
-
-
-def checksum(kind: str, definitions: Mapping[str, str]) -> str:
-    """MD5 checksum of a ROS 1 message type, by which two nodes compare their definitions.
-
-    It is that of its constants and fields, where each nested type stands as its own checksum. Source: ROS/Technical
-    Overview of wiki.ros.org, roslib/gentools.
-    """
-    rows = []
-    for line in definitions[kind].splitlines():
-        part, _, name = line.partition(" ")
-        inner = part.partition("[")[0]
-        rows.append(f"{checksum(inner, definitions) if '/' in inner else part} {name}")
-    return hashlib.md5("\n".join(rows).encode(), usedforsecurity=False).hexdigest()
