@@ -87,22 +87,15 @@ def test_every_command_of_laws_is_tried_here() -> None:
 
 
 @pytest.mark.parametrize("command", CHOOSES)
-def test_an_older_spelling_is_taken_with_a_note(command: str) -> None:
+def test_an_unknown_law_is_refused_by_its_name(command: str) -> None:
     laws = "lqr,paper_ct" if command in BOTH else "lqr"
-    ended = skyarm(command, *(BOTH | ONE)[command], f"--controller={laws}")
-    note, *_, line = ended.err.splitlines()
-    assert (ended.code, note) == (2, "skyarm: note: --controller is an older spelling of --laws")
-    assert "'lqr': " in line
+    ended = skyarm(command, *(BOTH | ONE)[command], f"--laws={laws}")
+    assert ended.code == 2
+    assert "'lqr': " in ended.err.splitlines()[-1]
 
 
-def test_quiet_hides_the_note_and_two_spellings_are_one_option() -> None:
-    refused(skyarm("run", "case3", "-q", "--laws", "paper_ct", "--controller", "lqr"), "'lqr': ")
-
-
-def test_a_drawing_goes_where_out_says_and_by_the_older_spelling() -> None:
-    new, old = (skyarm("show", "hummingbird", option, "a.bmp") for option in ("-o", "--drawing"))
-    refused(new, "--out = 'a.bmp'")
-    assert old.err == f"skyarm: note: --drawing is an older spelling of --out\n{new.err}"
+def test_a_drawing_goes_where_out_says() -> None:
+    refused(skyarm("show", "hummingbird", "-o", "a.bmp"), "--out = 'a.bmp'")
 
 
 def test_new_files_go_into_the_folder_of_out_and_fly_as_is_said() -> None:

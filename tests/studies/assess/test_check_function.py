@@ -10,6 +10,8 @@ import skyarm
 from skyarm.records.identity import identity
 from skyarm.studies.assess import assessment
 
+NAME = "hummingbird_arm2_rotors"
+
 
 def test_records_and_names_get_the_findings_of_the_command(monkeypatch: pytest.MonkeyPatch) -> None:
     seen: list[Any] = []
@@ -17,15 +19,16 @@ def test_records_and_names_get_the_findings_of_the_command(monkeypatch: pytest.M
         monkeypatch.setattr(
             assessment, name, lambda record, name=name, **options: seen.append((name, identity(record), options))
         )
-    vehicle, scenario = skyarm.load_vehicle("hummingbird_arm2_rotors"), skyarm.load_scenario("case1")
-    for given in (vehicle, "hummingbird_arm2_rotors", scenario, "case1"):
+    vehicle, scenario = skyarm.load_vehicle(NAME), skyarm.load_scenario("case1")
+    for given in (vehicle, NAME, scenario, "case1"):
         skyarm.check(given, payload=0.02, poses=16)
     skyarm.check(vehicle, gravity=3.7, poses=16)
     options = {"payload": 0.02, "poses": 16}
+    named = [("assess_vehicle", identity(vehicle), {"gravity": 9.81, "file": file, **options}) for file in ("", NAME)]
     assert seen == [
-        *[("assess_vehicle", identity(vehicle), {"gravity": 9.81, **options})] * 2,
+        *named,
         *[("assess_scenario", identity(scenario), options)] * 2,
-        ("assess_vehicle", identity(vehicle), {"gravity": 3.7, "payload": 0.0, "poses": 16}),
+        ("assess_vehicle", identity(vehicle), {"gravity": 3.7, "payload": 0.0, "poses": 16, "file": ""}),
     ]
 
 

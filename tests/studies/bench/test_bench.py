@@ -85,12 +85,13 @@ def test_counts_fall_where_a_vehicle_has_no_arm():
 def test_operations_of_the_truth_vehicle_do_not_creep_up():
     """Budgets of the general tree code, measured when they were set: raise them only with a reason.
 
-    222 of the step of semi-implicit Euler are the rotors' mean thrust and spin in it: it holds forces for a step.
+    222 of the step of semi-implicit Euler are the rotors' mean thrust and spin in it: it holds forces for a step. 175
+    are the joints' friction at the end of the step, by which it is stable however quick the friction is.
     """
     found = counts.counts(load_vehicle("hummingbird_arm2_rotors"))
     assert found["forward dynamics"] <= 318
     assert found["inverse dynamics"] <= 223
-    assert found["euler step"] <= 689 + 222
+    assert found["euler step"] <= 689 + 222 + 175
     assert found["rk4 step"] <= 2556
 
 
