@@ -111,7 +111,7 @@ SCENARIO_ERRORS: list[tuple[str, str, tuple[str, ...]]] = [
     (
         "exact mixer",
         small('law = "centroidal"\nmixer = "priority"'),
-        ("controller.mixer = 'priority'", "has mode, preset"),
+        ("controller.mixer = 'priority'", "has mode, delay"),
     ),
     ("exact gains", small('law = "centroidal"\ngains = { position = 3 }'), ("controller.gains = {", "tip, observer")),
     ("exact tip table", small('law = "centroidal"\ntip = { position = 1.0 }'), ("controller.tip = {'pos", "2 numbers")),

@@ -25,7 +25,7 @@ def answered(words: str, place: int, monkeypatch: pytest.MonkeyPatch) -> set[str
         ("skyarm show quad", 2, {"quadrotor_roll_arm2"}),
         ("skyarm check case3", 2, {"case3", "case3_wind"}),
         ("skyarm run case3 --laws paper", 4, {"paper_ct", "paper_ct_euler", "paper_pd"}),
-        ("skyarm run case3 --controller paper_p", 4, {"paper_pd"}),
+        ("skyarm run case3 --laws paper_p", 4, {"paper_pd"}),
         ("skyarm sweep robustness --laws indi,paper_p", 4, {"indi,paper_pd"}),
         ("skyarm studio --la", 2, {"--laws"}),
         ("skyarm sweep rob", 2, {"robustness"}),

@@ -195,6 +195,6 @@ def test_an_option_that_vehicle_or_another_option_forbids_is_refused_by_its_own_
     # the tip's damping is what is left along the normal of a surface
     with pytest.raises(ControllerError, match=r"^controller.tip\[1\] = 0.0: must be above 0 with interaction$"):
         make_centroidal(arm, mode="tip", interaction=(0.3, 0.1), tip=(700.0, 0.0))
-    file = Fields({"law": "centroidal_tip_robust"}, "controller")
+    file = Fields({"law": "centroidal_tip"}, "controller")
     with pytest.raises(ValueError, match=r"it is a preset: preset = 'centroidal_tip'"):
         controller_from(file, arm, None, {})

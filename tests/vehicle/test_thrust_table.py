@@ -149,10 +149,7 @@ def test_a_thrust_coefficient_that_varies_scales_the_table(tmp_path):
         ({"speed": [0.0, *SPEED[1:]]}, r"thrust_table\.thrust\[0\] = 0\.33: must be 0 at rest"),
         ({"speed": None}, r"rotor_defaults\.thrust_table\.speed: is missing"),
         ({"amps": [1.0]}, r"amps.*unknown field; allowed: speed, thrust, torque, current"),
-        (
-            {"throttle": [0.1]},
-            r"unknown field; is now of no use beside 'current': leave the column out; all",
-        ),
+        ({"throttle": [0.1]}, r"throttle.*unknown field; allowed: speed, thrust, torque, current"),
         ({"thrust": [float("nan"), *THRUST[1:]]}, r"thrust\[0\] = nan: must be a finite number"),
     ],
 )

@@ -423,7 +423,7 @@ def test_a_toml_file_adds_rotors_frames_and_limits_to_a_urdf_file(tmp_path):
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
-        ('name = "elbow"', 'name = "knee"', "joints.name = 'knee': must be one of elbow"),
+        ('name = "elbow"', 'name = "knee"', "joints.name = 'knee': must be elbow"),
         ('link = "gripper"', 'link = "claw"', "frames[tool].link = 'claw': must be one of base, arm, gripper"),
         (
             "end_effector",
