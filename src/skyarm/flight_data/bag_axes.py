@@ -57,6 +57,7 @@ class MessageAxes:
             parent, child = "", "" if topic in self.turned else parent
         if child and (child == parent or WORLDS.fullmatch(child)):  # a twist in the world's axes
             if name == "gyro":
+                self.notes.append(f"gyro: of {topic} is left out: its rates are in the axes of the world.")
                 return None
             child = ""
             source = replace(source, frame="") if name == "velocity" else source

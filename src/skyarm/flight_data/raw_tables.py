@@ -246,14 +246,16 @@ def _time_unit(columns: Columns, tables: Mapping[str, RawTable], notes: list[str
     if not steps:
         return columns.time_unit or "s"
     step, date, unit = min(steps), dates[0], columns.time_unit
-    able = [each for each, size in TIMES.items() if SLOWEST <= 1.0 / (step * size) <= FASTEST]
+    # seconds are what is meant if nothing is said: slow ones are doubted, too, and not taken for milliseconds
+    least = dict.fromkeys(TIMES, SLOWEST) | ({} if unit else {"s": SLOWER})
+    able = [each for each, size in TIMES.items() if least[each] <= 1.0 / (step * size) <= FASTEST]
     dated = [each for each in able if SINCE <= date * TIMES[each] <= UNTIL]
     rates = ", ".join(f"{each}: {1.0 / (step * TIMES[each]):.4g} Hz" for each in able)
     if unit and able and unit not in able and not SLOWER <= 1.0 / (step * TIMES[unit]) <= FASTEST:
         raise ValueError(
             f"{columns.file}: time.unit = {shown(unit)}: cannot be true of steps of {step:.4g}; try {rates}"
         )
-    found = unit or next(iter([*dated, *(each for each in ("s",) if each in able)]), "")
+    found = unit or next(iter([*dated, *(each for each in ("s",) if step * SLOWEST <= 1.0 and each in able)]), "")
     if not found and len(able) > 1:
         raise ValueError(f"{columns.file}: time.unit: is missing; steps of {step:.4g} may be {rates}")
     found = found or (able[0] if able else "s")
