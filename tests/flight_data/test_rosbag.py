@@ -666,6 +666,7 @@ def test_odometry_is_in_the_axes_of_the_frames_that_it_names(parent: str, child:
     np.testing.assert_allclose(found["position"].values, world.apply(sent[:, 6:9]), atol=1e-12)
     is_world = child in ("map", "world", "map_ned")
     assert ("gyro: there is /mavros/" in " ".join(found.notes)) == (not is_world)  # rates in the world's axes are none
+    assert ("its rates are in the axes of the world" in " ".join(found.notes)) == is_world
     base = flip if child.endswith("frd") else Rotation.identity()
     if parent == "map_ned":  # nothing says in which axes the base is
         assert "quaternion" not in found
