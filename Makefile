@@ -202,7 +202,7 @@ warp: $(WARP)/.installed
 
 # a gate for people: of what strangers' hosts still hold, and of real vehicles that no model explains
 real: $(VENV)/.test
-	$(BIN)/python tests/studies/identify/measure_real.py
+	$(BIN)/python tests/identify/measure_real.py
 
 hooks: $(VENV)/.types
 	$(BIN)/python $(PIP) -c constraints.txt pre-commit

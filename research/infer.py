@@ -13,11 +13,11 @@ from typing import Any
 from inference.checks import checked_study
 from inference.identification import Progress, identify
 from skyarm.compile.llvm.kernel import require_machine_code
+from skyarm.paper.inference_tables import evidence_tables
+from skyarm.paper.inferred_settings import FOUND, LIBRARY, STUDY
+from skyarm.paper.reproduce import prepare_folder, reproduce
 from skyarm.records.files import require_replaceable, require_writable
 from skyarm.scenario.scenario_record import PLANTS
-from skyarm.studies.paper.inference_tables import evidence_tables
-from skyarm.studies.paper.inferred_settings import FOUND, LIBRARY, STUDY
-from skyarm.studies.paper.reproduce import prepare_folder, reproduce
 
 
 def infer(
@@ -34,7 +34,7 @@ def infer(
         progress: called before every stage and at the end.
 
     Returns:
-        The evidence, for :func:`skyarm.studies.paper.reproduce.reproduce`.
+        The evidence, for :func:`skyarm.paper.reproduce.reproduce`.
 
     Raises:
         OSError: the folder or the file in it cannot be written; raised before any flight.

@@ -22,7 +22,7 @@ BUDGET = Path(__file__).with_name("budget.json")
 
 ALWAYS: tuple[str, ...] = (
     "tests/control/test_published_flights.py",
-    "tests/studies/paper/test_paper_acceptance.py",
+    "tests/paper/test_paper_acceptance.py",
     "tests/simulate/test_flight_digests.py",
     "tests/test_readme.py",
 )

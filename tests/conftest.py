@@ -113,7 +113,7 @@ def tried_elsewhere() -> None:
 @pytest.fixture(scope="session")
 def campaign() -> Any:
     """Twenty episodes of the paper of 30 s as stated, thirty with settings that were found, on both plants."""
-    from skyarm.studies.paper.reproduce import run_campaign
+    from skyarm.paper.reproduce import run_campaign
 
     return run_campaign(("rigid_body", "mujoco"), sensitivity=False)
 

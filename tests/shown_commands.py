@@ -48,9 +48,9 @@ SMALLER: Mapping[str, tuple[str, ...]] = {
 """Beginning of a command -> options behind its own, of which the last counts; the longest beginning that fits."""
 
 ELSEWHERE: Mapping[str, str] = {
-    "reproduce": "tests/studies/paper/test_reproduce_options.py::test_the_paper_is_reproduced",
+    "reproduce": "tests/paper/test_reproduce_options.py::test_the_paper_is_reproduced",
     "identify design hummingbird_arm2_rotors --box": (
-        "tests/studies/identify/test_identify_design.py::test_the_design_of_the_page_prints_what_it_shows"
+        "tests/identify/test_identify_design.py::test_the_design_of_the_page_prints_what_it_shows"
     ),
 }
 """Beginning of a command that is minutes of compilers or searches -> the test of ``make thorough`` that runs it."""

@@ -10,12 +10,12 @@ import numpy as np
 import numpy.typing as npt
 
 from inference.study import Constant, IdentificationStudy, Settings, Target
+from skyarm.paper.unstated_study import PublishedNumber, losses
 from skyarm.plant.joint_rate import joint_rate
 from skyarm.scenario.numbers import number_at, with_numbers
 from skyarm.scenario.scenario_file import scenario_from
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.simulate.batch import Batch
-from skyarm.studies.paper.unstated_study import PublishedNumber, losses
 
 Array = npt.NDArray[np.float64]
 

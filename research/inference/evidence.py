@@ -12,7 +12,7 @@ import numpy.typing as npt
 from inference.candidates import Candidates
 from inference.search import compass, decode, differential_evolution, encode
 from inference.study import IdentificationStudy, Parameter, Prediction, Rival, Settings
-from skyarm.studies.paper.unstated_study import PublishedNumber, tally
+from skyarm.paper.unstated_study import PublishedNumber, tally
 
 Array = npt.NDArray[np.float64]
 

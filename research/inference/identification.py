@@ -12,10 +12,10 @@ from inference.candidates import Candidates
 from inference.checks import require_searchable
 from inference.evidence import Evidence
 from inference.study import IdentificationStudy
+from skyarm.paper.unstated_study import digest_of
 from skyarm.records.files import versions, write_atomically
 from skyarm.records.identity import identity
 from skyarm.scenario.scenario_file import scenario_from
-from skyarm.studies.paper.unstated_study import digest_of
 
 Progress = Callable[[int, int, str], None]
 """Called with (stages done, stages in all, what comes next)."""

@@ -2,7 +2,7 @@
 
 A file has ``schema = 1``, ``name``, ``title``, ``seed`` and these tables::
 
-    [loss]          width, knee: of the logarithms (:func:`skyarm.studies.paper.unstated_study.losses`)
+    [loss]          width, knee: of the logarithms (:func:`skyarm.paper.unstated_study.losses`)
     [search]        population, generations: of the differential evolution
     [tables.NAME]   tables of a scenario file, to be laid over flights; an empty table takes a field away
     [[flights]]     name, scenario (of the library, or a path beside the file), over = [NAMES of tables],
@@ -31,10 +31,7 @@ from decimal import Decimal
 from pathlib import Path
 from typing import Any
 
-from skyarm.records.files import Fields, one_line, read_toml, shown, unreadable
-from skyarm.records.read_table import record_from
-from skyarm.scenario.scenario_file import LIBRARY, list_scenarios
-from skyarm.studies.paper.unstated_study import (
+from skyarm.paper.unstated_study import (
     PublishedNumber,
     fits,
     group_places,
@@ -43,6 +40,9 @@ from skyarm.studies.paper.unstated_study import (
     scenario_tables,
     study_digest,
 )
+from skyarm.records.files import Fields, one_line, read_toml, shown, unreadable
+from skyarm.records.read_table import record_from
+from skyarm.scenario.scenario_file import LIBRARY, list_scenarios
 
 Settings = Mapping[str, Any]
 """Parameter -> number, choice -> option. What is not named stays as the flights' scenarios have it."""
@@ -228,7 +228,7 @@ class Prediction:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Loss:
-    """Width and knee of :func:`skyarm.studies.paper.unstated_study.losses`."""
+    """Width and knee of :func:`skyarm.paper.unstated_study.losses`."""
 
     width: float
     knee: float

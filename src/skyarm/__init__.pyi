@@ -40,6 +40,7 @@ from skyarm.dynamics.array_front import (
     momentum as momentum,
 )
 from skyarm.flight_data.flight_data import load_flight as load_flight
+from skyarm.identify.identify_flights import identify_flights as identify_flights
 from skyarm.log.flight_log import Log as Log
 from skyarm.log.formats import LogFormat as LogFormat
 from skyarm.log.formats import load_log as load_log
@@ -47,6 +48,7 @@ from skyarm.log.formats import save_log as save_log
 from skyarm.log.metrics.metric import Metric as Metric
 from skyarm.log.metrics.score import score as score
 from skyarm.log.metrics.windows import Windows as Windows
+from skyarm.paper.reproduce import reproduce as reproduce
 from skyarm.planning.planner import Plan as Plan
 from skyarm.planning.planner import plan as plan
 from skyarm.planning.task import Task as Task
@@ -121,8 +123,6 @@ from skyarm.simulate.session import Session as Session
 from skyarm.simulate.user_code import check_law as check_law
 from skyarm.studies.assess.assessment import check as check
 from skyarm.studies.compare.compare_laws import compare as compare
-from skyarm.studies.identify.identify_flights import identify_flights as identify_flights
-from skyarm.studies.paper.reproduce import reproduce as reproduce
 from skyarm.studies.stability.flight_margins import margins as margins
 from skyarm.studies.stability.hover_delay import hover_delay as hover_delay
 from skyarm.studies.sweep.runner import fly_sweep as fly_sweep

@@ -19,7 +19,7 @@ pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="POSIX signals")
 PROGRAM = """
 import sys, threading
 from functools import partial
-from skyarm.studies.paper import reproduce as room
+from skyarm.paper import reproduce as room
 room.run_campaign = partial(room.run_campaign, sensitivity=False, inferred=False)
 room.DPI = 30
 room.reproduce(sys.argv[1], plants=("rigid_body",), workers=int(sys.argv[2]))

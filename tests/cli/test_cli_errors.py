@@ -365,7 +365,7 @@ def test_an_output_folder_that_cannot_be_written_is_refused_before_any_flight(
         raise AssertionError("flown before the folder was checked")
 
     monkeypatch.setattr("skyarm.simulate.run", flown)
-    monkeypatch.setattr("skyarm.studies.paper.reproduce.run_campaign", flown)
+    monkeypatch.setattr("skyarm.paper.reproduce.run_campaign", flown)
     for out in ("taken", "taken/inner"):
         refused(skyarm(*command, "--out", out), f"output folder = '{out}", "must be writable")
     (folder / "half").mkdir()

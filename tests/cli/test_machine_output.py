@@ -20,8 +20,8 @@ import skyarm as package
 from skyarm.cli import output
 from skyarm.cli.commands import COMMANDS as SHIPPED
 from skyarm.cli.output import STYLES, Terminal
+from skyarm.paper.published import PAPER
 from skyarm.studies.assess.finding import LEVELS
-from skyarm.studies.paper.published import PAPER
 from support.cases import sampled
 from support.commands import refused, skyarm
 from support.components import registry_kept
@@ -83,7 +83,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(autouse=True)
 def _in_folder(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(folder)
-    monkeypatch.setattr("skyarm.studies.paper.reproduce.reproduce", reproduced)
+    monkeypatch.setattr("skyarm.paper.reproduce.reproduce", reproduced)
     monkeypatch.setattr("skyarm.cli.doctor_command.TRIALS", {})  # tried in test_doctor.py
 
 

@@ -55,8 +55,8 @@ READ = ("--columns", "--join", "--from")
 
 ELSEWHERE = {
     ("fly", "--out"): "needs an autopilot (tests/links/outside)",
-    ("identify", "--out"): "takes long (tests/studies/identify)",
-    ("reproduce", "--out"): "takes long (tests/studies/paper)",
+    ("identify", "--out"): "takes long (tests/identify)",
+    ("reproduce", "--out"): "takes long (tests/paper)",
     ("studio", "--out"): "is written on the page (tests/view/studio)",
 }
 

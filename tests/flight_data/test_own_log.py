@@ -15,11 +15,11 @@ from scipy.spatial.transform import Rotation
 import skyarm
 from skyarm.flight_data.flight_data import PLACE, Channel, FlightData, load_flight
 from skyarm.flight_data.own_log import measured_flight
+from skyarm.identify.identify_files import _place
 from skyarm.log.flight_log import rows_of
 from skyarm.log.ros.message_bytes import decode
 from skyarm.log.ros.topics import FlightTopics
 from skyarm.simulate import Log, run
-from skyarm.studies.identify.identify_files import _place
 from support.flights import estimated
 from support.logs import flown
 

@@ -18,7 +18,7 @@ from scipy.spatial.transform import Rotation
 import skyarm
 from skyarm.flight_data.flight_data import FlightData, load_flight
 from skyarm.flight_data.rosbag import _Rows, _table
-from skyarm.studies.identify.measured_motion import joints_in_order
+from skyarm.identify.measured_motion import joints_in_order
 from support.logs import flown
 
 pytest.importorskip("rosbags", reason="needs the extra 'flights'")

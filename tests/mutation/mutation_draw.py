@@ -16,7 +16,7 @@ from pathlib import Path
 
 import mutation_operators as operators
 
-LIGHT = ("cli", "paper", "root", "studies.paper", "view.figures", "view.film", "view.pages")
+LIGHT = ("cli", "paper", "root", "view.figures", "view.film", "view.pages")
 """Rooms of commands and pictures, which get half a share."""
 BIG = ("control", "links", "studies", "view")
 """Rooms whose subfolders are rooms of the draw."""

@@ -32,10 +32,10 @@ def test_every_large_room_has_a_mutant_whose_line_is_there() -> None:
 
 def test_rooms_are_the_folders_and_the_subfolders_of_the_big_ones() -> None:
     assert mutation_draw.room("control/laws/published/kim.py") == "control.laws"
-    assert mutation_draw.room("studies/identify/windows.py") == "studies.identify"
+    assert mutation_draw.room("identify/windows.py") == "identify"
     assert mutation_draw.room("world/contact/gripper.py") == "world"
     assert mutation_draw.tests_of("control.laws") == "control"
-    assert mutation_draw.tests_of("studies.identify") == "studies/identify"
+    assert mutation_draw.tests_of("identify") == "identify"
     assert mutation_draw.tests_of("links.other") == "links"
 
 

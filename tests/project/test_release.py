@@ -50,7 +50,7 @@ def test_a_wheel_that_lacks_a_file_or_holds_another_is_named() -> None:
 def test_the_package_s_own_files_are_those_that_a_wheel_must_hold() -> None:
     found = release.sources()
     assert {"skyarm/__init__.py", "skyarm/__init__.pyi", "skyarm/py.typed", "skyarm/view/pages/page.html"} <= found
-    assert {"skyarm/studies/paper/report.css", "skyarm/scenario/library/case1.toml"} <= found
+    assert {"skyarm/paper/report.css", "skyarm/scenario/library/case1.toml"} <= found
     assert not any("__pycache__" in name for name in found)
 
 

@@ -25,6 +25,7 @@ from shipped_files import NAMES, PINS, RICH, ROOT, only_shipped, scenario
 
 import skyarm
 from skyarm.control.catalogue import AUTOPILOTS, LAWS, PRESETS, tuned_factors
+from skyarm.paper import flights
 from skyarm.records.identity import identity
 from skyarm.records.plain import digest, plain
 from skyarm.scenario.in_flight import with_part
@@ -32,7 +33,6 @@ from skyarm.studies.compare.contact_tasks import TASKS
 from skyarm.studies.compare.entrants import ENTRANTS
 from skyarm.studies.compare.envelope_setting import setting_of
 from skyarm.studies.compare.suite import CASES, conditions
-from skyarm.studies.paper import flights
 from skyarm.studies.sweep import Study, list_studies, load_study
 from support import flight_digests
 

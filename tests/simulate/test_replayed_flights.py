@@ -11,11 +11,11 @@ import pytest
 
 from skyarm.algebra import Vec3
 from skyarm.flight_data.flight_data import Channel
+from skyarm.identify.windows import held_over
 from skyarm.plant.compiled import RigidBodyPlant
 from skyarm.plant.interface import Truth
 from skyarm.plant.surroundings import Surroundings
 from skyarm.simulate.replay import CommandReplay
-from skyarm.studies.identify.windows import held_over
 from support.flights import GRAVITY, ONE, QUAD, STEP, flown, on_servo, rotations
 
 FIELDS = ("position", "quaternion", "velocity", "rate", "joints", "joint_rates", "rotor_speeds")

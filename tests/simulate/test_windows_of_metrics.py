@@ -11,13 +11,13 @@ import pytest
 import skyarm
 from skyarm.log.metrics.metric_catalogue import GROUPS, metric_names
 from skyarm.log.metrics.windows import NAMES, Window, Windows
+from skyarm.paper import flights as paper
+from skyarm.paper.published import CASES
 from skyarm.scenario.scenario_file import load_scenario, scenario_from
 from skyarm.scenario.scenario_record import ScenarioError
 from skyarm.simulate import run
 from skyarm.simulate.batch import Batch
 from skyarm.studies.compare.suite import CASES as SUITE
-from skyarm.studies.paper import flights as paper
-from skyarm.studies.paper.published import CASES
 from skyarm.studies.sweep.study_file import StudyError, study_from
 from support.flights import document
 from support.logs import Errors, tracking

@@ -68,7 +68,7 @@ TESTS = {
     ),
     **{
         f"skyarm.dynamics.euler_coordinates.{name}": (
-            "tests/studies/paper/test_paper_equations.py::test_mass_coriolis_and_gravity_are_those_of_the_papers_8x8_form"
+            "tests/paper/test_paper_equations.py::test_mass_coriolis_and_gravity_are_those_of_the_papers_8x8_form"
         )
         for name in ("mass_matrix", "coriolis_matrix", "gravity_vector")
     },

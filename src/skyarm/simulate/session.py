@@ -19,6 +19,7 @@ from skyarm.records.files import errors_as, shown
 from skyarm.records.immutable import positional
 from skyarm.records.leaves import mismatch
 from skyarm.records.path_names import word_of
+from skyarm.records.registry.registrations import function_of_option
 from skyarm.reference import Reference
 from skyarm.scenario.in_flight import NONE, Overrides, require_changes, try_changes, try_coming
 from skyarm.scenario.numbers import with_numbers
@@ -161,7 +162,7 @@ class Session:
         """Create a session; an external autopilot in place of a control law has a session class of its own."""
         require_flight(scenario)
         autopilot = scenario.autopilot
-        kind: type[Session] = cls if autopilot is None or cls is not Session else autopilot.session_type()
+        kind: type[Session] = cls if autopilot is None or cls is not Session else function_of_option("fly AUTOPILOT")
         return super().__new__(kind)
 
     def __init__(self, scenario: Scenario, paths: Sequence[str] = (), *, machine_code: bool = True) -> None:
@@ -477,5 +478,5 @@ def open_session(
     autopilot = scenario.autopilot if isinstance(scenario, Scenario) else None
     if autopilot is None:
         return make(scenario, paths, machine_code=machine_code)
-    session: Session = autopilot.session_type()(scenario, paths, machine_code=machine_code, progress=preparing)
-    return session
+    piloted: type[Session] = function_of_option("fly AUTOPILOT")
+    return piloted(scenario, paths, machine_code=machine_code, progress=preparing)

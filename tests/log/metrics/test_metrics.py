@@ -18,9 +18,9 @@ from skyarm.log.metrics import score
 from skyarm.log.metrics.score import over_log, settling_time
 from skyarm.log.metrics.windows import Windows
 from skyarm.log.tip_positions import level_tip, tip
+from skyarm.paper.flights import GUST, HOLDS, HOVER, STEADY, TRANSIENT
+from skyarm.paper.flights import metrics as paper_metrics
 from skyarm.simulate import Log, Window
-from skyarm.studies.paper.flights import GUST, HOLDS, HOVER, STEADY, TRANSIENT
-from skyarm.studies.paper.flights import metrics as paper_metrics
 from skyarm.vehicle.linkage import BASE, Body, Joint, Link
 from skyarm.vehicle.vehicle_records import Frame, Vehicle
 from support import logs as m

@@ -16,13 +16,13 @@ import pytest
 
 import skyarm
 from skyarm.log.flight_log import Log
+from skyarm.paper.reproduce import run_campaign
 from skyarm.records.files.writing import TakenError
 from skyarm.records.registry import RegistryError
 from skyarm.records.travel import pack
 from skyarm.scenario.scenario_file import load_scenario
 from skyarm.studies.flights import Crew, Store, Work, executor, processes, ray_cluster, work
 from skyarm.studies.flights.processes import MOST_TRIES, Processes
-from skyarm.studies.paper.reproduce import run_campaign
 from skyarm.studies.sweep import run_sweep
 from support.components import registry_kept
 from support.studies import small_study

@@ -32,7 +32,6 @@ from skyarm.vehicle import Vehicle
 if TYPE_CHECKING:
     from skyarm.links.transcript import Tape
     from skyarm.scenario.scenario_record import Scenario
-    from skyarm.simulate.session import Session
 
 Numbers = Sequence[float]
 
@@ -151,12 +150,6 @@ class Autopilot(ABC):
     @abstractmethod
     def sensors(self, vehicle: Vehicle) -> Mapping[str, Sensor]:
         """Sensors that the autopilot reads, by name; those missing in a scenario are added."""
-
-    def session_type(self) -> type[Session]:
-        """Class of simulation sessions under an autopilot; constructing one starts the program and takes off."""
-        from skyarm.links.autopilots.flight import PilotedSession
-
-        return PilotedSession
 
     def outside_options(self, vehicle: Vehicle) -> str:
         """Command-line options that ``skyarm fly`` needs for a vehicle under this autopilot; empty if none."""

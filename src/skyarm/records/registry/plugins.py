@@ -34,6 +34,7 @@ from skyarm.records.immutable import positional
 from skyarm.records.registry.class_signatures import refuse_mistake, thing_mistake
 from skyarm.records.registry.registrations import (
     API,
+    AT_FIRST_USE,
     KINDS,
     LOADED_BY,
     SHIPPED,
@@ -334,6 +335,9 @@ def load_installed() -> None:
             warnings.warn(f"plugin {name} {version} is left out: {_words(error)}", RuntimeWarning, stacklevel=2)
             continue
         _LOADED[f"{name} {entry.name}"] = Plugin(name, f"version {version}")
+
+
+AT_FIRST_USE.append(load_installed)
 
 
 def sources_of_plugins() -> Sources:

@@ -95,6 +95,9 @@ _FOUND: dict[str, dict[str, Registration]] = {kind: {} for kind in KINDS}
 _SOURCE = ["this process"]
 _READY: list[bool] = []
 
+AT_FIRST_USE: list[Callable[[], None]] = []
+"""Functions called once the shipped names are registered: plugins of installed packages are loaded by one of them."""
+
 
 LETTERS = "_-.+"
 """Characters allowed in registered names besides letters and digits."""
@@ -132,12 +135,11 @@ def _ready() -> dict[str, dict[str, Registration]]:
     """Registry entries of all kinds, after the library and installed packages have registered theirs."""
     if not _READY:
         _READY.append(True)
-        from skyarm.records.registry import plugins
-
         for kind, rows in SHIPPED_NAMES.items():
             for name, (target, title) in rows.items():
                 add(kind, name, target, title, SHIPPED)
-        plugins.load_installed()
+        for load in AT_FIRST_USE:
+            load()
     return _FOUND
 
 
@@ -170,7 +172,7 @@ def find(kind: str, name: object, field: str = "") -> Any:
 
 
 def function_of_option(option: str) -> Any:
-    """Function that performs an option of a command, such as ``run --ros``."""
+    """Function or class by which a leaf performs an option, such as ``run --ros``, or a task of the engine."""
     module, _, name = OPTIONS[option].partition(":")
     return getattr(import_module(module), name)
 

@@ -1,0 +1,199 @@
+"""Simulation and metrics of the five cases of Barakou et al. 2026 with both controllers."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Mapping, Sequence
+from functools import cache, partial
+
+import numpy as np
+
+from skyarm.log.flight_log import Log
+from skyarm.log.metrics.metric_catalogue import REFERRED
+from skyarm.log.metrics.score import score, settling_time
+from skyarm.log.metrics.windows import Window, Windows
+from skyarm.paper.published import CASES, CONTINUOUS, CONTROLLERS, PAPER, Record
+from skyarm.records.immutable import positional
+from skyarm.scenario.scenario_file import load_scenario
+from skyarm.scenario.scenario_record import PLANTS, Scenario
+from skyarm.studies.flights import Work
+from skyarm.view.pages import Facts
+
+STEADY, TRANSIENT, GUST = Window(10.0, 20.0), Window(0.0, 8.0), Window(5.0, 20.0)
+WINDOWS: Mapping[str, Window] = {case: GUST if case == "case2_gust" else STEADY for case in CASES}
+"""Case -> window of its metrics."""
+HOVER = Window(4.0, 5.9)
+HOLDS = (Window(9.0, 12.0), Window(16.0, 19.0))
+"""Case 1: the last 3 s of each hold of 5 s (7-12 s and 14-19 s)."""
+
+TRACKING = tuple(f"{what}_error_{how}" for what in ("joint", "position", "ee") for how in ("mean", "max"))
+IAE = ("iae_position", "iae_joint")
+STEADY_CASE = (*TRACKING, "peak_pitch", "peak_position", "settling_time", *IAE)
+GUST_CASE = {
+    "peak_x": "gust_peak_x",
+    "pitch_rms": "pitch_rms",
+    **{name: f"gust_{name}" for name in IAE},
+    "peak_pitch": "gust_peak_pitch",
+}
+WIND_CASE = ("position_min", "position_max", "position_ripple", "pitch_mean", "pitch_ripple", "peak_pitch", *IAE)
+"""Rows of Table 2 by kind of case; the gust's under the paper's names."""
+
+Metrics = dict[str, float | None]
+
+
+@positional
+class PaperFlight:
+    """One flight of Barakou et al. 2026: a case, a controller ("CT", "PD" or a preset), a plant."""
+
+    case: str
+    controller: str
+    plant: str
+
+
+def flights(plants: Sequence[str] = PLANTS) -> list[PaperFlight]:
+    """All flights of Barakou et al. 2026 for the given kinds of simulated plant."""
+    return [PaperFlight(case, controller, plant) for plant in plants for case in CASES for controller in CONTROLLERS]
+
+
+@cache
+def scenario(flight: PaperFlight) -> Scenario:
+    """Scenario of one flight: the shipped case with the flight's plant and controller."""
+    return load_scenario(
+        flight.case, plant=flight.plant, controller=CONTROLLERS.get(flight.controller, flight.controller)
+    )
+
+
+STATED = "stated"
+"""Name of the settings that the paper states; logs of their flights are kept."""
+
+
+def work_of(flight: PaperFlight, planned: Scenario, settings: str = STATED, holds: tuple[Window, ...] = HOLDS) -> Work:
+    """Work item of one flight of Barakou et al. 2026, with the metrics of its case.
+
+    Args:
+        flight: case, controller and plant.
+        planned: scenario of the flight.
+        settings: "stated", "inferred", "predicted", or the name of a variation.
+        holds: windows in which Case 1 holds its arm.
+    """
+    return Work(
+        label=f"{flight.case} {flight.controller} {flight.plant} ({settings})",
+        scenario=planned,
+        seed=planned.seed,
+        episodes=np.array([planned.episode]),
+        fixed={**dataclasses.asdict(flight), "settings": settings},
+        alone=True,
+        measure=partial(metrics, flight.case, holds=holds),
+        keeps_log=settings == STATED,
+    )
+
+
+def metrics(case: str, log: Log, holds: tuple[Window, ...] = HOLDS) -> Metrics:
+    """Metrics of a case against the sampled-and-held reference and (suffix ``_continuous``) the continuous one.
+
+    ``holds`` are the windows in which Case 1 holds its arm.
+
+    Null where a metric is not defined; all are null for an episode that ended early, whose windows are cut.
+    """
+    named = _metrics_by_name(case, log.joints.shape[1])
+    twins = {
+        suffix: {name: _with_suffix(metric, suffix) for name, metric in named.items()} for suffix in ("", CONTINUOUS)
+    }
+    names = dict.fromkeys(m for each in twins.values() for m in each.values() if not m.startswith("settling_time"))
+    windows = Windows(steady=WINDOWS[case], transient=TRANSIENT, gust=GUST, hover=HOVER, holds=holds)
+    scored = score(log, tuple(names), windows)
+    if "settling_time" in named.values():
+        scored |= {f"settling_time{s}": settling_time(log, STEADY, continuous=bool(s)) for s in twins}
+    numbers = {name + suffix: scored[metric] for suffix, each in twins.items() for name, metric in each.items()}
+    whole = log.status == "completed"
+    return {name: value if whole and math.isfinite(value) else None for name, value in numbers.items()}
+
+
+def _metrics_by_name(case: str, joints: int) -> dict[str, str]:
+    """Metrics of a case: name in the published table -> name in skyarm, in the table's order."""
+    efforts = (f"tau{i + 1}_rms" for i in range(joints))
+    always = {name: name for name in ("pitch_rms", "roll_rms", *efforts, "hover_offset")}
+    if case == "case2_gust":
+        return {name: name for name in TRACKING} | GUST_CASE | always
+    if case == "case3_wind":
+        return {name: name for name in (*TRACKING, *WIND_CASE)} | always
+    by_name = always | {name: name for name in STEADY_CASE}
+    if case == "case1":
+        by_name |= {"held_position_error": "held_position_error", "settling_time_upper_bound": "settling_time"}
+    return by_name
+
+
+def _with_suffix(metric: str, suffix: str) -> str:
+    """Metric name with a suffix such as ``_continuous``, if the metric depends on the reference's form."""
+    return metric + suffix if metric in REFERRED or metric == "settling_time" else metric
+
+
+Measured = Mapping[tuple[str, str, str], Metrics]
+"""Metrics by (case, controller, plant)."""
+
+
+def results(measured: Measured, settings: Facts, inferred: Measured | None = None) -> Facts:
+    """Published and simulated numbers by case, controller and metric; None if not simulated.
+
+    Args:
+        measured: metrics by (case, controller, plant).
+        settings: settings that determine the numbers.
+        inferred: metrics under the inferred settings, which each cell holds by plant.
+    """
+    experiments: Facts = {}
+    settled = inferred or {}
+    for case in CASES:
+        experiments[case] = {}
+        for controller in CONTROLLERS:
+            ours = {plant: measured.get((case, controller, plant), {}) for plant in PLANTS}
+            names = dict.fromkeys([*PAPER[case][controller], *(name for plant in PLANTS for name in ours[plant])])
+            experiments[case][controller] = {
+                name: {"paper": PAPER[case][controller].get(name)}
+                | {p: ours[p].get(name) for p in PLANTS}
+                | {"inferred": {p: settled.get((case, controller, p), {}).get(name) for p in PLANTS}}
+                for name in names
+            }
+    return {"schema": 1, "experiments": experiments, "settings": settings}
+
+
+def first_plant(results: Record) -> str:
+    """Kind of plant that was simulated first, which differences and figures refer to."""
+    named = results.get("settings", {}).get("plants")
+    if named:
+        return str(named[0])
+    cells = [cell for case in results.get("experiments", {}).values() for c in case.values() for cell in c.values()]
+    return next((plant for plant in PLANTS if any(cell.get(plant) is not None for cell in cells)), PLANTS[0])
+
+
+def settings(logs: Sequence[Log]) -> Facts:
+    """Settings behind the results: rates, windows, vehicles, seeds, versions, and flights that ended early."""
+    info = logs[0].info
+    same = ("plant_vehicle", "plant_gravity", "model_vehicle", "model_gravity", "rates_hz", "duration", "seed")
+    windows = {"steady": STEADY, "transient": TRANSIENT, "gust": GUST, "hover": HOVER}
+    truth = load_scenario(CASES[0]).agent.vehicle
+    return {
+        "plants": list(dict.fromkeys(log.info["plant"] for log in logs)),
+        **{name: info[name] for name in same},
+        "integrators": {log.info["plant"]: log.info["integrator"] for log in logs},
+        "physics_step_s": {
+            "rigid_body": 1.0 / info["rates_hz"]["control"],
+            "mujoco": 1.0 / info["rates_hz"]["physics"],
+        },
+        "joint_damping": [float(joint.damping) for joint in truth.joints],
+        "windows_s": {name: [w.start, w.stop] for name, w in windows.items()},
+        "holds_s": [[w.start, w.stop] for w in HOLDS],
+        "ramp_shape": "linear",
+        "not_completed": [
+            f"{end['scenario']} {end['controller']} {end['plant']}: {end['status']}, {end['cause']}"
+            for end in (log.info for log in logs)
+            if end["status"] != "completed"
+        ],
+        "versions": info["versions"],
+    }
+
+
+def with_damping(planned: Scenario, damping: float) -> Scenario:
+    """Scenario with another viscous damping (N m s/rad) on every joint of the simulated vehicle."""
+    world = dataclasses.replace(planned.agent.plant, vehicle=planned.agent.vehicle.with_joints(damping=damping))
+    return planned.with_plant(world)
