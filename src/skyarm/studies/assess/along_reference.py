@@ -18,7 +18,7 @@ from skyarm.records.leaves import field_names
 from skyarm.scenario.endings import clearances_of
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.studies.assess.arm_poses import Allocation, ArmPoses
-from skyarm.studies.assess.finding import FAULT, LEVELS, OK, WARNING, Finding, at_least, at_most
+from skyarm.studies.assess.finding import FAULT, LEVELS, OK, WARNING, Concern, Finding, at_least, at_most
 from skyarm.studies.assess.flight_loads import FlightPart, Load, flight_parts, reference_at
 from skyarm.studies.assess.joints import OFTEN, effort_limits, servo_speeds, servos
 from skyarm.studies.assess.thrust import thrust_margin
@@ -117,7 +117,8 @@ def _clearance(scenario: Scenario, followed: Followed) -> list[Finding]:
         text = f"{some.names[i]} are {rows[i, k]:.3g} m apart at {demand.time[k]:.3g} s"
         text += f", with an overlap for {often:.1%} of the flight" if often else ""
         remedy = "a path farther from it, or another arm pose"
-        findings.append(at_least(question, float(rows[i, k]), text, "reference", remedy, warning=0.0, unit="m"))
+        words = (question, float(rows[i, k]), text, "reference", remedy)
+        findings.append(at_least(*words, warning=0.0, unit="m", concerns=Concern.CLEARANCE))
     return findings
 
 
@@ -157,7 +158,8 @@ def _planned_force(scenario: Scenario) -> list[Finding]:
     text = f"the plan counts on {force[k]:.3g} N on the tip at {planned.times[k]:.3g} s; the world has no surface"
     weight = float(scenario.agent.vehicle.mass * scenario.agent.plant.gravity)
     words = text, "world.surfaces", "what the tip touches in the plan"
-    return [at_most("contact along the reference", float(force[k]), *words, warning=0.0, fault=weight, unit="N")]
+    question, concerns = "contact along the reference", Concern.CONTACT
+    return [at_most(question, float(force[k]), *words, warning=0.0, fault=weight, unit="N", concerns=concerns)]
 
 
 def _hovers_with_loads(parts: Sequence[FlightPart]) -> list[Finding]:
@@ -243,6 +245,7 @@ def _joint_limits(scenario: Scenario, demand: ActuatorDemand) -> list[Finding]:
                     "a smaller motion, or joint limits as they are (rad, not degrees?)",
                     worst,
                     high if worst > high else low,
+                    concerns=Concern.JOINT_LIMITS,
                 )
             )
     return findings
@@ -275,4 +278,5 @@ def _saturation(
         "a slower or smaller reference, less load, or stronger rotors and drives",
         float(share[i, k]),
         1.0,
+        concerns=Concern.JOINTS_IN_FLIGHT if reversed_ is None else Concern.ROTORS_IN_FLIGHT,
     )

@@ -2,46 +2,60 @@
 
 from __future__ import annotations
 
-import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from collections.abc import Set as AbstractSet
 from dataclasses import replace
 
-from skyarm.studies.assess.finding import FAULT, LEVELS, NOTE, UNITS, WARNING, Finding
+from skyarm.studies.assess.finding import FAULT, LEVELS, NOTE, UNITS, WARNING, Concern, Finding
 
 ALARMS = (WARNING, FAULT)
 
-# numbers of the vehicle, not of its model, a sensor, the start or the air
-MASS = r"^units (plant\.)?((base|links)\S*\.)?mass:|^weight on the rotors' discs"
-LOADS = rf"{MASS}|^units (plant\.)?(base|links)\S*\.(com|position):"
-ARM = r"^units (plant\.)?links\S*\.(mass|com|position):|^weight on the rotors' discs links"
-ROTORS = r"^units (plant\.)?rotors\S*\.(position|max_speed|thrust_\w+|moment_coefficient):"
-AXES = "^axes of the rotors"
-LIFT = rf"{LOADS}|{ROTORS}|^thrust coefficient|{AXES}"
-THRUST = rf"{LIFT}|^senses of rotation|^balance of the rotors"
-INERTIA = r"^units (plant\.)?(base|links)\S*\.inertia:"
 
-FOLLOWS = {
-    r"^units (plant\.)?base\.inertia": r"^weight on the rotors' discs base",
-    r"^units (plant\.)?rotors\.max_speed": rf"{MASS}|^thrust coefficient",
-    r"^units (plant\.)?rotors\.axis|^senses of rotation": AXES,
-    r"^units (plant\.)?mass": r"^weight on the rotors' discs",
-    r"^weight on the rotors": r"^units (plant\.)?((base|links)\S*\.mass|rotors\S*\.position):",
-    r"^(thrust|moment) coefficient": r"^units (plant\.)?rotors\S*\.(position|moment_coefficient):",
-    r"^balance of the rotors": rf"{LOADS}|{ROTORS}|^senses of rotation|{AXES}",
-    r"^balance of the rotors with": r"^thrust margin with .*: cannot lift",
-    r"^thrust margin .*cannot lift": LIFT,
-    r"^thrust margin (?!.*cannot lift)": THRUST,
-    r"static effort": ARM,
-    r"authority": rf"{THRUST}|{INERTIA}|^thrust margin",
-    r"^largest payload \S+ none": rf"{THRUST}|^thrust margin|static effort",
-    r"^reference within joint limits|servo's speed": r"^units reference\.joints",
-    r"servo's speed": r"^reference within joint limits",
-    r"^\w+ along the reference": rf"{LOADS}|{INERTIA}|^units reference|^reference within joint limits",
-    r"^clearance": r"^units reference|^reference within joint limits",
-    r"^rotors along the reference": rf"{THRUST}|^thrust margin",
-    r"^joints along the reference": r"static effort",
+def _numbers(table: str, *words: str) -> set[str]:
+    return {f"{table}.{word}" for word in words}
+
+
+# numbers of the vehicle, not of its model, a sensor, the start or the air
+ARM_WEIGHT = {"links[].mass", Concern.ARM_LOADING}
+WEIGHT = {"base.mass", Concern.BASE_LOADING} | ARM_WEIGHT
+PLACES = {f"{body}.{place}" for body in ("base", "links[]") for place in ("com", "position")}
+LOADS = WEIGHT | PLACES
+ROTORS = {"rotors.max_speed"} | _numbers(
+    "rotors[]", "position", "max_speed", "thrust_coefficient", "thrust_table", "moment_coefficient"
+)
+INERTIA = {"base.inertia", "links[].inertia"}
+MARGIN = {Concern.LIFT, Concern.LOADED_LIFT, Concern.THRUST_MARGIN}
+LIFT = LOADS | ROTORS | {Concern.THRUST_COEFFICIENT, Concern.AXES}
+THRUST = LIFT | {Concern.SENSES, Concern.BALANCE, Concern.LOADED_BALANCE}
+BALANCE = LOADS | ROTORS | {Concern.SENSES, Concern.AXES}
+FOLLOWED = LOADS | INERTIA | {"reference", Concern.JOINT_LIMITS}
+
+FOLLOWS: Mapping[str, AbstractSet[str]] = {
+    "base.inertia": {Concern.BASE_LOADING},
+    "rotors.max_speed": WEIGHT | {Concern.THRUST_COEFFICIENT},
+    "rotors.axis": {Concern.AXES},
+    "mass": {Concern.BASE_LOADING, Concern.ARM_LOADING},
+    Concern.SENSES: {Concern.AXES},
+    Concern.BASE_LOADING: {"base.mass", "links[].mass", "rotors[].position"},
+    Concern.ARM_LOADING: {"base.mass", "links[].mass", "rotors[].position"},
+    Concern.THRUST_COEFFICIENT: {"rotors[].position", "rotors[].moment_coefficient"},
+    Concern.MOMENT_COEFFICIENT: {"rotors[].position", "rotors[].moment_coefficient"},
+    Concern.BALANCE: BALANCE,
+    Concern.LOADED_BALANCE: BALANCE | {Concern.LOADED_LIFT},
+    Concern.LIFT: LIFT,
+    Concern.LOADED_LIFT: LIFT,
+    Concern.THRUST_MARGIN: THRUST,
+    Concern.STATIC_EFFORT: ARM_WEIGHT | {"links[].com", "links[].position"},
+    Concern.AUTHORITY: THRUST | INERTIA | MARGIN,
+    Concern.NO_PAYLOAD: THRUST | MARGIN | {Concern.STATIC_EFFORT},
+    Concern.JOINT_LIMITS: {"reference.joints[]"},
+    Concern.SERVO_SPEED: {"reference.joints[]", Concern.JOINT_LIMITS},
+    Concern.CONTACT: FOLLOWED,
+    Concern.CLEARANCE: {"reference", Concern.JOINT_LIMITS},
+    Concern.ROTORS_IN_FLIGHT: FOLLOWED | THRUST | MARGIN,
+    Concern.JOINTS_IN_FLIGHT: FOLLOWED | {Concern.STATIC_EFFORT},
 }
-"""Question, field and text of an alarm, as a pattern -> patterns of alarms that can cause it."""
+"""What an alarm concerns -> what the alarms concern from which it can follow; a word alone is a whole table."""
 
 
 def causes_first(findings: Sequence[Finding]) -> tuple[Finding, ...]:
@@ -52,13 +66,12 @@ def causes_first(findings: Sequence[Finding]) -> tuple[Finding, ...]:
     """
     linked = list(findings)
     for i, each in enumerate(findings):
-        causes = [why for what, why in FOLLOWS.items() if re.search(what, f"{each.question} {each.field} {each.text}")]
+        causes = FOLLOWS.get(each.concerns, frozenset()) if each.level in ALARMS else ()
         for j, other in enumerate(findings):
             enough = other.level in (FAULT, each.level, WARNING if other.question == UNITS else FAULT)
-            words = f"{other.question} {other.field}: {other.text}"
-            if i == j or not enough or each.level not in ALARMS or not any(re.search(why, words) for why in causes):
+            if i == j or not enough or not {other.concerns, other.concerns.partition(".")[0]} & {*causes}:
                 continue
-            linked[i] = replace(each, level=NOTE, text=f"{each.text}; follows from {other.field}")
+            linked[i] = replace(each, level=NOTE, text=f"{each.text}; follows from {other.field}", follows=other.field)
             if linked[j].level != NOTE:
                 linked[j] = replace(linked[j], level=max(linked[j].level, each.level, key=LEVELS.index))
             break

@@ -6,6 +6,7 @@ import math
 import re
 from collections.abc import Iterable, Sequence
 from dataclasses import asdict, replace
+from enum import StrEnum, auto
 from typing import TypedDict, Unpack
 
 from skyarm.algebra import Scalar
@@ -23,6 +24,31 @@ UNITS = "units"
 """Name of the question about numbers that are probably in other units."""
 
 
+class Concern(StrEnum):
+    """Subject of a finding that can follow from other findings, or cause them."""
+
+    BASE_LOADING = auto()
+    ARM_LOADING = auto()
+    AXES = auto()
+    THRUST_COEFFICIENT = auto()
+    MOMENT_COEFFICIENT = auto()
+    SENSES = auto()
+    BALANCE = auto()
+    LOADED_BALANCE = auto()
+    LIFT = auto()
+    LOADED_LIFT = auto()
+    THRUST_MARGIN = auto()
+    AUTHORITY = auto()
+    NO_PAYLOAD = auto()
+    STATIC_EFFORT = auto()
+    JOINT_LIMITS = auto()
+    SERVO_SPEED = auto()
+    CLEARANCE = auto()
+    CONTACT = auto()
+    ROTORS_IN_FLIGHT = auto()
+    JOINTS_IN_FLIGHT = auto()
+
+
 @positional
 class Finding:
     """Result of one feasibility check, with a severity.
@@ -36,6 +62,8 @@ class Finding:
         value, limit: the number found and the one it is held against, in ``unit``; NaN where there is none.
         unit: unit of both.
         joints: the arm pose in which it holds, rad or m; empty where no pose matters.
+        concerns: a :class:`Concern`, or of a number in other units its place, "links[].mass"; empty for others.
+        follows: field of the alarm that causes it; empty if none does.
     """
 
     question: str
@@ -47,6 +75,8 @@ class Finding:
     limit: float = math.nan
     unit: str = ""
     joints: Sequence[Scalar] | Array = ()
+    concerns: str = ""
+    follows: str = ""
 
     def __post_init__(self) -> None:
         """Convert the values of a check result to floats, and clear the remedy if the check is passed."""
@@ -61,11 +91,12 @@ class Finding:
 
 
 class Details(TypedDict, total=False):
-    """Optional fields of a check result: limit, unit and joint values."""
+    """Optional fields of a check result."""
 
     limit: float
     unit: str
     joints: Sequence[Scalar] | Array
+    concerns: str
 
 
 def worst_level(findings: Iterable[Finding]) -> str:
@@ -94,7 +125,7 @@ def at_least(
         remedy: remedy of an alarm.
         fault: below it the vehicle cannot fly as it is described.
         warning: below it the number is an alarm.
-        more: ``unit``, ``joints``; ``limit`` in place of the one that was passed.
+        more: ``unit``, ``joints``, ``concerns``; ``limit`` in place of the one that was passed.
     """
     level = FAULT if not value >= fault else WARNING if value < warning else OK
     passed = fault if level == FAULT or math.isinf(warning) else warning
@@ -119,4 +150,10 @@ def finding_of_line(line: str, question: str, level: str) -> Finding:
     # the question at the end says what is perhaps meant; it stands behind the last semicolon, else behind a colon
     said, _, hint = line.rpartition("; " if "; " in line else ": ")
     remedy = f"check it: {hint}" if said else "check it"
-    return Finding(question, level, line, field, remedy)
+    return Finding(question, level, line, field, remedy, concerns=_place(field) if question == UNITS else "")
+
+
+def _place(field: str) -> str:
+    """First and last word of a parameter of the vehicle or the reference, without names: "links[].mass"."""
+    words = re.sub(r"\[[^]]*\]", "[]", field.removeprefix("plant.")).split(".")
+    return ".".join(words[:1] + words[1:][-1:])

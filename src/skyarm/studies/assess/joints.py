@@ -11,7 +11,7 @@ from skyarm.dynamics.kinematics import Pose, link_poses
 from skyarm.records.arrays import Array, stack_values
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.studies.assess.arm_poses import WRENCH, ArmPoses
-from skyarm.studies.assess.finding import FAULT, NOTE, OK, WARNING, Finding, at_most
+from skyarm.studies.assess.finding import FAULT, NOTE, OK, WARNING, Concern, Details, Finding, at_most
 from skyarm.vehicle import BASE, Vehicle
 
 NOTHING = 1e-12
@@ -41,9 +41,8 @@ def joint_torques(poses: ArmPoses) -> list[Finding]:
         words = (f"up to {value:.3g} {unit}{stated} to hold the arm", field)
         remedy = f"a stronger drive ({stronger}) or a lighter, shorter arm"
         shown = float(limit) if limit < math.inf else math.nan
-        findings.append(
-            at_most(question, float(value), *words, remedy, fault=float(limit), limit=shown, unit=unit, joints=pose)
-        )
+        more = Details(limit=shown, unit=unit, joints=pose, concerns=Concern.STATIC_EFFORT)
+        findings.append(at_most(question, float(value), *words, remedy, fault=float(limit), **more))
     return findings
 
 
@@ -93,7 +92,8 @@ def servo_speeds(scenario: Scenario, time: Array, every_rate: Array) -> list[Fin
         text = f"the reference asks for up to {rates[k]:.3g} {unit} (at {time[k]:.3g} s), the servo turns at {top:.3g}"
         text += f": too fast for {late:.1%} of the flight" if late else ""
         question, remedy = f"joints[{joint.name}] servo's speed", f"a slower reference, or more of {field}"
-        findings.append(Finding(question, level, text, field, remedy, rates[k], top, unit))
+        words = (level, text, field, remedy, rates[k], top, unit)
+        findings.append(Finding(question, *words, concerns=Concern.SERVO_SPEED))
     return findings
 
 

@@ -13,7 +13,7 @@ import numpy as np
 from skyarm.dynamics.actuators import AllocationError, make_mixer
 from skyarm.records.arrays import Array, float_array
 from skyarm.studies.assess.arm_poses import Allocation, hover_efforts
-from skyarm.studies.assess.finding import FAULT, OK, WARNING, Finding
+from skyarm.studies.assess.finding import FAULT, OK, WARNING, Concern, Finding
 from skyarm.vehicle import BASE, Rotor, Vehicle
 from skyarm.vehicle.vehicle_records import undriven_joints
 
@@ -34,7 +34,9 @@ def disc_loading(vehicle: Vehicle, gravity: float) -> list[Finding]:
     text = f"{loading:.3g} N/m^2 on discs of about {2e3 * radius:.3g} mm ({float(bodies[field].mass):g} kg in {field})"
     remedy = f"check {field} (kg, not g?) and rotors.position (m, not mm?)"
     limit = most if loading > least else least
-    return [Finding("weight on the rotors' discs", level, text, field, remedy, loading, limit, "N/m^2")]
+    part = Concern.BASE_LOADING if field == "base.mass" else Concern.ARM_LOADING
+    words = (level, text, field, remedy, loading, limit, "N/m^2")
+    return [Finding("weight on the rotors' discs", *words, concerns=part)]
 
 
 STAGGERED = 0.1
@@ -98,7 +100,7 @@ def _axes(vehicle: Vehicle) -> list[Finding]:
                 f"turn {name} round: it is that of positive thrust; or reversible = true if it turns both ways, "
                 "and a law of your own: the shipped ones turn no rotor backwards"
             )
-            findings.append(Finding("axes of the rotors", FAULT, text, name, remedy, up, 0.0))
+            findings.append(Finding("axes of the rotors", FAULT, text, name, remedy, up, 0.0, concerns=Concern.AXES))
     return findings
 
 
@@ -125,7 +127,7 @@ def _coefficients(vehicle: Vehicle) -> list[Finding]:
         at, units = (name, unit) if rotor.table is None else table
         remedy = f"check {at} ({units}) and rotors.position"
         limit = least if value < least else most
-        findings.append(Finding(field.replace("_", " "), level, text, at, remedy, value, limit))
+        findings.append(Finding(field.replace("_", " "), level, text, at, remedy, value, limit, concerns=field))
     return findings
 
 
@@ -156,12 +158,12 @@ def senses_of_rotation(vehicle: Vehicle, gravity: float) -> Finding:
                 f'name = "{each.name}", direction = "{"cw" if each.direction > 0 else "ccw"}"' for each in either[0]
             )
             remedy = f"turn round {'one of ' * (len(either) > 1)}{fields}: [[rotors]] {', [[rotors]] '.join(tables)}"
-            return Finding(question, FAULT, text, fields, remedy, own, UNEVEN)
+            return Finding(question, FAULT, text, fields, remedy, own, UNEVEN, concerns=Concern.SENSES)
     turning = abs(sum(rotor.direction for rotor in vehicle.rotors if not rotor.reversible))
     text = f"rotors share hover evenly (spread {own:.2g} of the mean)" if own < UNEVEN else f"spread of hover {own:.2g}"
     text += f"; {turning} more turn one way than the other" if turning > 1 else ""
     level, field = WARNING if turning > 1 else OK, "rotors.direction"
-    return Finding(question, level, text, field, f"check {field}", own, UNEVEN)
+    return Finding(question, level, text, field, f"check {field}", own, UNEVEN, concerns=Concern.SENSES)
 
 
 def _with_rotors_turned(vehicle: Vehicle, turned: Sequence[Rotor]) -> Vehicle:

@@ -11,7 +11,7 @@ from skyarm.dynamics.actuators.hover import ROUNDING, highest_thrust
 from skyarm.dynamics.array_front import mass_matrix
 from skyarm.records.arrays import Array, doubles, float_array
 from skyarm.studies.assess.arm_poses import WRENCH, ArmPoses, hanging_joints
-from skyarm.studies.assess.finding import FAULT, NOTE, OK, WARNING, Finding, at_least
+from skyarm.studies.assess.finding import FAULT, NOTE, OK, WARNING, Concern, Details, Finding, at_least
 from skyarm.studies.assess.joints import effort_limits
 from skyarm.vehicle import Vehicle
 
@@ -50,7 +50,13 @@ def thrust_margin(poses: ArmPoses) -> list[Finding]:
     words = (f"balance of the rotors{poses.held}", share, text, field, remedy)
     return [
         _margin(poses, -float(busiest), at[0]),
-        at_least(*words, fault=0.0, warning=LEAST_SHARE, joints=at[1]),
+        at_least(
+            *words,
+            fault=0.0,
+            warning=LEAST_SHARE,
+            joints=at[1],
+            concerns=Concern.LOADED_BALANCE if poses.held else Concern.BALANCE,
+        ),
     ]
 
 
@@ -61,11 +67,15 @@ def _margin(poses: ArmPoses, busiest: float, joints: Array) -> Finding:
     margin = 1.0 / busiest if busiest > 0.0 else math.nan
     text = f"the busiest rotor gives up to {margin:.3g} times what hover asks of it in the worst arm pose"
     remedy = f"less mass, a shorter arm, or more thrust: {field}, rotors.thrust_coefficient"
+    concerns = Concern.THRUST_MARGIN
     if not margin >= 1.0:
         weight = float(poses.efforts(joints[None])[WRENCH - 1, 0])
-        cannot = "cannot hover" if weight < highest_thrust(poses.vehicle) else "cannot lift itself"
+        cannot = "cannot hover"
+        if not weight < highest_thrust(poses.vehicle):
+            cannot, concerns = "cannot lift itself", Concern.LOADED_LIFT if poses.held else Concern.LIFT
         text = f"{cannot}: {text} ({weight:.3g} N of weight)"
-    return at_least(question, margin, text, field, remedy, fault=1.0, warning=ENOUGH, joints=joints)
+    words = (question, margin, text, field, remedy)
+    return at_least(*words, fault=1.0, warning=ENOUGH, joints=joints, concerns=concerns)
 
 
 AXES = ("roll", "pitch", "yaw")
@@ -103,8 +113,8 @@ def torque_authority(poses: ArmPoses) -> list[Finding]:
         fields = "rotors.direction, rotors.moment_coefficient" if name == "yaw" else "rotors.position"
         fields += ", base.inertia" + ", rotors.axis" * bool(sides.any())
         words = (f"{name} authority", acceleration, text, fields, f"check {fields}; more thrust margin")
-        fault, warning = FAULTS[axis], WARNINGS[axis]
-        findings.append(at_least(*words, fault=fault, warning=warning, unit="rad/s^2", joints=at[i]))
+        more = Details(unit="rad/s^2", joints=at[i], concerns=Concern.AUTHORITY)
+        findings.append(at_least(*words, fault=FAULTS[axis], warning=WARNINGS[axis], **more))
     return findings
 
 
@@ -184,8 +194,8 @@ def largest_payload(poses: ArmPoses, payload: float = 0.0) -> list[Finding]:
         text = f"none: {binding} has nothing left in some arm pose, with thrust for {ENOUGH:g} times the weight"
         remedy = f"more of {binding}, or a lighter vehicle"
     text = text if level != FAULT else f"--payload {payload:g} kg is more than it holds: {text}"
-    limit = payload or math.nan
-    return [Finding(question, level, text, binding, remedy, most, limit, "kg", at[0])]
+    limit, concerns = payload or math.nan, Concern.NO_PAYLOAD if level == WARNING else ""
+    return [Finding(question, level, text, binding, remedy, most, limit, "kg", at[0], concerns)]
 
 
 def _largest_by_part(poses: ArmPoses, loaded: ArmPoses, joints: Array) -> Array:
