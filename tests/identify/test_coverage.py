@@ -1,4 +1,4 @@
-"""Of the true numbers of 24 planted vehicles, one in twenty lies outside of its 95 % interval."""
+"""Of the true numbers of planted vehicles, one in twenty lies outside of its 95 % interval."""
 
 from __future__ import annotations
 
@@ -7,23 +7,27 @@ import json
 import numpy as np
 import pytest
 from measure_coverage import cases, groups, outside, run, table
+from planted_flights import KINDS
 
 pytest.importorskip("scipy", reason="needs the extra 'identify'")
 
-LARGE = 200
+LARGE = 100
 """Numbers of a group that is judged by itself."""
 
 
 @pytest.mark.thorough
 def test_intervals_cover_the_truths_of_planted_vehicles(tmp_path):
-    """1 to 8 % of all numbers are outside, and of no large group more than 10 %; every vehicle once or twice."""
-    wanted = [case for i, case in enumerate(cases()) if i % 3 != 2]
-    assert len({case[:2] for case in wanted}) >= 20
+    """Up to 8 % of all numbers are outside but not none, and of no large group more than 10 %.
+
+    Ten of the 48 cases, a quarter of an hour of a processor; measure_coverage.py identifies all, for the page.
+    """
+    wanted = cases()[::5]
+    assert {case[0] for case in wanted} == set(KINDS)
     rows = run(wanted, tmp_path / "coverage.jsonl", workers=2)
     found = groups(rows)
-    assert len(found["all"]) >= 1000
+    assert len(found["all"]) >= 300
     shares = {label: float(np.mean(outside(each))) for label, each in found.items() if len(each) >= LARGE}
-    assert 0.01 <= shares["all"] <= 0.08, table(rows)
+    assert 0.0 < shares["all"] <= 0.08, table(rows)
     assert max(shares.values()) <= 0.1, table(rows)
 
 
