@@ -541,3 +541,16 @@ def test_a_table_as_windows_writes_it_is_read_beside_pandas(tmp_path: Path) -> N
     found, wanted = load_flight(tmp_path / "flight.csv"), pd.read_csv(io.StringIO(text), sep=";", decimal=",")
     np.testing.assert_array_equal(found["gyro"].values, wanted[["p", "q", "r"]])
     np.testing.assert_allclose(found["gyro"].time, 0.005 * np.arange(60), atol=1e-6)
+
+
+def test_names_in_the_letters_of_western_windows_are_read_beside_pandas(tmp_path: Path) -> None:
+    head, rows = "t [µs],ω,°/s,q".replace("ω", "p±"), [f"{5000 * k},{k % 7},2.5,-1" for k in range(60)]
+    path, mapping = tmp_path / "flight.csv", tmp_path / "columns.toml"
+    path.write_bytes("\n".join((head, *rows)).encode("cp1252"))
+    mapping.write_text('[time]\ncolumn = "t [µs]"\nunit = "us"\n[gyro]\ncolumns = ["p±", "°/s", "q"]\n', "utf-8")
+    found, wanted = load_flight(path), pd.read_csv(path, encoding="cp1252")
+    np.testing.assert_array_equal(found["gyro"].values, wanted[["p±", "°/s", "q"]])
+    np.testing.assert_allclose(found["gyro"].time, 1e-6 * wanted["t [µs]"])
+    # one damaged cell makes no other letters of the rest
+    path.write_bytes(path.read_bytes().decode("cp1252").encode().replace(b",2.5,", b",\xff,", 1))
+    assert len(load_flight(path)["gyro"].time) == 59

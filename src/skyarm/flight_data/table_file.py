@@ -59,6 +59,10 @@ def _table_of(path: Path, columns: Columns | None, notes: list[str]) -> RawTable
     """Columns of a text file that a mapping names; the others are empty."""
     data = path.read_bytes()
     text = data.decode("utf-16" if data.startswith(UTF_16) else "utf-8-sig", "replace")
+    lost = "\ufffd"
+    if lost in text.lstrip().partition("\n")[0] and lost.encode() not in data:  # western Windows writes degree signs so
+        western = data.decode("cp1252", "replace")
+        text = western if western.lstrip().splitlines()[0].replace("\t", "").isprintable() else text
     text = re.sub(r"^\s*sep=.\n", "", text.replace("\r\n", "\n").replace("\r", "\n"))
     head, _, body = text.lstrip("\n").partition("\n")
     first_rows = "\n".join(body.split("\n", JUDGED)[:JUDGED])
