@@ -478,5 +478,5 @@ def open_session(
     autopilot = scenario.autopilot if isinstance(scenario, Scenario) else None
     if autopilot is None:
         return make(scenario, paths, machine_code=machine_code)
-    piloted: type[Session] = function_of_option("fly AUTOPILOT")
+    piloted: Callable[..., Session] = function_of_option("fly AUTOPILOT")
     return piloted(scenario, paths, machine_code=machine_code, progress=preparing)
