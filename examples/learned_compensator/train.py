@@ -50,7 +50,7 @@ from skyarm.reference.signals import Sine
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.sensing.measurement import SensorNoise, measure, noise_count
 from skyarm.simulate.loop import run
-from skyarm.studies.compare.suite import NOISE
+from skyarm.studies.trial.trial import NOISE
 from skyarm.vehicle.vehicle_files import load_vehicle
 from skyarm.vehicle.vehicle_records import Vehicle
 from skyarm.world import ForceWind, Gust, Payload

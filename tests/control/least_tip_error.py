@@ -29,7 +29,7 @@ import skyarm
 from skyarm.algebra import Mat3
 from skyarm.dynamics import mass_matrix
 from skyarm.dynamics.kinematics import frame_pose
-from skyarm.studies.compare.suite import NOISE
+from skyarm.studies.trial.trial import NOISE
 
 G, DT, LENGTH, HEARD = 9.81, 0.005, 3.0, 0.05
 MEAN = np.sqrt(2.0 / np.pi)

@@ -17,7 +17,7 @@ from measure_parts import trial
 import skyarm
 from skyarm.scenario.numbers import with_numbers
 from skyarm.studies.compare.envelope_axes import AXES
-from skyarm.studies.compare.envelope_setting import PAPER
+from skyarm.studies.trial.facts import PAPER
 from support.measured_tables import print_part
 
 FRICTION = 0.5

@@ -22,8 +22,8 @@ from skyarm.control.catalogue import make_controller
 from skyarm.log.metrics.windows import Window, Windows
 from skyarm.simulate.batch import Batch
 from skyarm.studies.compare.envelope_axes import AXES, TIP
-from skyarm.studies.compare.envelope_setting import PAPER, setting_of
-from skyarm.studies.compare.suite import NOISE
+from skyarm.studies.trial.facts import PAPER, setting_of
+from skyarm.studies.trial.trial import NOISE
 from support.measured_tables import print_row, print_table, progress
 
 HEARD = dataclasses.replace(NOISE, specific_force=0.05)
@@ -70,7 +70,7 @@ def trial(name, value, law, vehicle, log=0):
         built = dataclasses.replace(built, noise=HEARD)
     told = {"mode": "tip", "delay": built.delays.measurement, **LAWS[law]}
     built = dataclasses.replace(built, controller=make_controller("centroidal", built.controller.par.model, **told))
-    numbers = axis.numbers(setting, value) if axis.numbers else {}
+    numbers = axis.numbers_of(setting, value)
     inside = Window(axis.start, built.duration)
     windows = Windows(steady=inside, gust=inside, last=built.duration - axis.start)
     metrics = ("standard", TIP)

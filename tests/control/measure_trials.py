@@ -82,8 +82,8 @@ def scenario_of(trial):
     from skyarm.scenario.controller_table import under_law
     from skyarm.scenario.numbers import with_numbers
     from skyarm.studies.compare import envelope_axes as axes
-    from skyarm.studies.compare import envelope_setting
-    from skyarm.studies.compare.suite import NOISE
+    from skyarm.studies.trial import facts as envelope_setting
+    from skyarm.studies.trial.trial import NOISE
 
     axis = axes.AXES[trial.axis]
     setting = envelope_setting.setting_of(trial.vehicle or envelope_setting.PAPER, plant="mujoco")

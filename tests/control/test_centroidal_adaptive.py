@@ -25,7 +25,7 @@ from skyarm.scenario.scenario_record import Delays
 from skyarm.sensing.measurement import SensorNoise
 from skyarm.simulate.loop import run_in_python
 from skyarm.studies.compare.envelope_axes import AXES
-from skyarm.studies.compare.envelope_setting import setting_of
+from skyarm.studies.trial.facts import setting_of
 from skyarm.world import NO_WIND, Force, Wrench
 from support.vehicles import random_vehicle
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 
 import numpy as np
 import pytest
@@ -12,11 +13,10 @@ import skyarm
 from skyarm.algebra import Vec3
 from skyarm.control.laws.centroidal import make_centroidal
 from skyarm.reference import Constant
-from skyarm.scenario.numbers import with_numbers
 from skyarm.scenario.scenario_record import Delays
-from skyarm.studies.compare import envelope_axes as motions
-from skyarm.studies.compare.envelope_setting import PAPER, setting_of
-from skyarm.studies.compare.suite import NOISE
+from skyarm.studies.compare.envelope_axes import AXES
+from skyarm.studies.trial.facts import PAPER, setting_of
+from skyarm.studies.trial.trial import NOISE, Trial
 from skyarm.world import ForceWind
 from support.cases import sampled
 
@@ -153,10 +153,12 @@ def test_a_known_delay_is_predicted_away():
     assert known.mean("joint") < 0.25 * unknown.mean("joint")
 
 
+SWING_RATE = "reference.joints.*.1.signal.frequency_hz"
+motion = functools.partial(Trial, name="moved", title="", unit="", values=(0.0,))
 MOVED = {
     "hover": lambda setting: setting.hover,
-    "circle": lambda setting: motions.circle(setting, 0.3, 0.15),
-    "swing": lambda setting: motions.along(setting, joints=motions.swings(setting, (0.5,), 0.5, motions.SWING_PHASE)),
+    "circle": lambda setting: motion(base="slow_circle", arm="gentle").scenario(setting, 0.0),
+    "swing": lambda setting: motion(arm="half", numbers={SWING_RATE: "0.5"}).scenario(setting, 0.0),
 }
 
 
@@ -218,8 +220,7 @@ def test_late_commands_are_survived_in_steps_of_wind(late, told):
 
     Where the delay was taken for slow motors, and where joints were braced beyond what the delay allows, 150 to 550 mm.
     """
-    blown = motions.wind_steps(setting_of(PAPER, 19.0))
-    blown = with_numbers(blown, {f"environment.forces.0.force.{axis}.signal": 5.0 for axis in "xyz"})
+    blown = dataclasses.replace(AXES["wind_steps"], noisy=False).scenario(setting_of(PAPER, 19.0), 5.0)
     known = 0.005 + late if told else 0.005
     law = make_centroidal(blown.controller.par.model, mode="tip", delay=known, age=0.005)
     delays = Delays(measurement=0.005, command=late)
@@ -234,7 +235,8 @@ def test_a_joint_may_be_whole_turns_away(turns):
 
     def first(turned):
         setting = setting_of(PAPER, 1.0)
-        held = motions.along(setting, joints=tuple(Constant(0.3 + 2.0 * np.pi * turned) for _ in range(2)))
+        joints = tuple(Constant(0.3 + 2.0 * np.pi * turned) for _ in range(2))
+        held = setting.hover.with_reference(dataclasses.replace(setting.hover.reference, joints=joints))
         return skyarm.run(dataclasses.replace(held, duration=0.5))
 
     near, far = first(0), first(turns)

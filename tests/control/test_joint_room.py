@@ -17,8 +17,8 @@ from skyarm.dynamics import State
 from skyarm.reference import Constant, Reference, Windowed
 from skyarm.scenario.scenario_record import Delays
 from skyarm.sensing.measurement import blank_measurement
-from skyarm.studies.compare.envelope_setting import PAPER, setting_of
-from skyarm.studies.compare.suite import NOISE
+from skyarm.studies.trial.facts import PAPER, setting_of
+from skyarm.studies.trial.trial import NOISE
 from skyarm.world import Disturbance
 from skyarm.world.signal_vector import SignalVector
 

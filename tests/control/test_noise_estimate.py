@@ -16,9 +16,8 @@ from skyarm.control.laws.centroidal.noise_estimate import FELT, QUICKEST, SEEN, 
 from skyarm.control.model import Model
 from skyarm.scenario.scenario_record import Delays
 from skyarm.simulate.loop import run_in_python
-from skyarm.studies.compare.envelope_axes import slow_circle
-from skyarm.studies.compare.envelope_setting import setting_of
-from skyarm.studies.compare.suite import NOISE
+from skyarm.studies.trial.facts import setting_of
+from skyarm.studies.trial.trial import NOISE, Trial
 from support.cases import sampled
 
 DT = 0.005
@@ -204,7 +203,8 @@ def noisy_circle(times, vehicle="hummingbird_arm2_rotors", duration=8.0, specifi
     setting = setting_of(vehicle, duration)
     noise = dataclasses.replace(NOISE, **{f.name: getattr(NOISE, f.name) * times for f in dataclasses.fields(NOISE)})
     noise = dataclasses.replace(noise, specific_force=specific_force)
-    flight = slow_circle(setting, noise=noise, delays=Delays(measurement=DT))
+    circle = Trial(name="slow", title="", unit="", values=(0.0,), base="slow_circle", arm="gentle")
+    flight = dataclasses.replace(circle.scenario(setting, 0.0), noise=noise, delays=Delays(measurement=DT))
     made = make_centroidal(flight.controller.par.model, mode="tip", delay=DT, **law)
     return dataclasses.replace(flight, controller=made)
 

@@ -11,7 +11,7 @@ from skyarm.control.catalogue import make_controller
 from skyarm.log.metrics.windows import Window, Windows
 from skyarm.simulate.batch import Batch
 from skyarm.studies.compare.envelope_axes import AXES, TIP
-from skyarm.studies.compare.envelope_setting import PAPER, setting_of
+from skyarm.studies.trial.facts import PAPER, setting_of
 from skyarm.world.faults import Fault
 from support.cases import sampled
 

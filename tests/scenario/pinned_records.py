@@ -31,9 +31,9 @@ from skyarm.records.plain import digest, plain
 from skyarm.scenario.in_flight import with_part
 from skyarm.studies.compare.contact_tasks import TASKS
 from skyarm.studies.compare.entrants import ENTRANTS
-from skyarm.studies.compare.envelope_setting import setting_of
 from skyarm.studies.compare.suite import CASES, conditions
 from skyarm.studies.sweep import Study, list_studies, load_study
+from skyarm.studies.trial.facts import setting_of
 from support import flight_digests
 
 FILE = PINS / "records.json"

@@ -12,7 +12,7 @@ from skyarm.control.law_estimates import lags_found
 from skyarm.control.safety import with_safety_layer
 from skyarm.log.flight_summary import sentences
 from skyarm.simulate.loop import run_in_python
-from skyarm.studies.compare.suite import NOISE
+from skyarm.studies.trial.trial import NOISE
 
 LATE = 0.02
 """s, of the commands, of which nobody told the law."""

@@ -23,7 +23,7 @@ from skyarm.dynamics.point_motion import PointMotion
 from skyarm.scenario.numbers import number_at
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.simulate.stages import Stages
-from skyarm.studies.compare.suite import NOISE
+from skyarm.studies.trial.trial import NOISE
 from skyarm.view.figures.flight_plot import plot
 from support.teams import TEAMS
 

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from skyarm.records.arrays import Array
-from skyarm.studies.compare.suite import NOISE
+from skyarm.studies.trial.trial import NOISE
 
 DATA = Path(__file__).parents[1] / "data" / "cables"
 

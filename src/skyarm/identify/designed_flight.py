@@ -30,7 +30,7 @@ from skyarm.records.immutable import immutable
 from skyarm.scenario.save import scenario_text
 from skyarm.scenario.scenario_file import scenario_from
 from skyarm.simulate import run
-from skyarm.studies.compare.suite import DELAY, NOISE
+from skyarm.studies.trial.trial import DELAY, NOISE
 from skyarm.studies.tune.excitation import unseen_motion
 from skyarm.vehicle import Vehicle
 

@@ -16,8 +16,8 @@ from pathlib import Path
 sys.path.append(str(Path(__file__).parents[2]))  # the tests' own modules, when this is run as a program
 
 from skyarm.studies.compare.compare_laws import compare
-from skyarm.studies.compare.envelope_setting import PAPER
 from skyarm.studies.compare.survive import LAWS, survive_rows, worse_conditions
+from skyarm.studies.trial.facts import PAPER
 from support.measured_tables import print_row, print_table, progress
 
 VEHICLES = (

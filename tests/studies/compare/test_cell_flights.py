@@ -15,8 +15,9 @@ from skyarm.studies.compare.cell_flights import SUCCESS_METRIC, Cell, CellFlight
 from skyarm.studies.compare.comparison import comparison_report
 from skyarm.studies.compare.entrants import ENTRANTS
 from skyarm.studies.compare.perturbed_plants import Spread
-from skyarm.studies.compare.suite import CASES, NOISE, Case, Condition, conditions
+from skyarm.studies.compare.suite import CASES, Case, Condition, conditions
 from skyarm.studies.flights.fly import one_scenario
+from skyarm.studies.trial.trial import NOISE
 from support.studies import cell_of
 
 EARLY = Windows(steady=Window(1.0, 2.0), gust=Window(0.5, 2.0), last=0.5)

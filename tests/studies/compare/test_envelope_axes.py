@@ -12,12 +12,12 @@ from skyarm import load_vehicle
 from skyarm.scenario.numbers import with_numbers
 from skyarm.scenario.scenario_record import ScenarioError
 from skyarm.studies.compare.envelope_axes import AXES
-from skyarm.studies.compare.envelope_setting import PAPER, setting_of
+from skyarm.studies.trial.facts import PAPER, setting_of
 from skyarm.vehicle.vehicle_files import list_vehicles
 from support.cases import sampled
 
 ARMED = [name for name in list_vehicles() if load_vehicle(name).n and not load_vehicle(name).planar]
-BATCHED = [axis for axis in AXES.values() if axis.numbers is not None]
+BATCHED = [axis for axis in AXES.values() if axis.numbers]
 
 
 @pytest.mark.parametrize("axis", BATCHED, ids=lambda axis: axis.name)
@@ -26,8 +26,8 @@ def test_the_numbers_of_a_value_make_the_scenario_of_that_value(axis):
     first, *_, last = axis.of(setting)
     easiest = axis.scenario(setting, first)
     assert easiest != axis.scenario(setting, last)
-    made = with_numbers(easiest, axis.numbers(setting, last))
-    assert with_numbers(easiest, axis.numbers(setting, first)) == easiest
+    made = with_numbers(easiest, axis.numbers_of(setting, last))
+    assert with_numbers(easiest, axis.numbers_of(setting, first)) == easiest
     assert dataclasses.replace(made, title="") == dataclasses.replace(axis.scenario(setting, last), title="")
 
 

@@ -13,9 +13,9 @@ from skyarm.dynamics.array_front import frame_pose_world
 from skyarm.scenario.numbers import with_numbers
 from skyarm.studies.compare.envelope import Envelope, axis_flights
 from skyarm.studies.compare.envelope_axes import AXES, PLANTS, TIP, VEHICLES, widen
-from skyarm.studies.compare.envelope_setting import PAPER, setting_of
 from skyarm.studies.compare.perturbed_plants import Spread, draw
 from skyarm.studies.compare.run_suite import fly_suite
+from skyarm.studies.trial.facts import PAPER, setting_of
 from skyarm.vehicle.vehicle_files import load_vehicle
 from support.studies import cell_of
 

@@ -15,10 +15,10 @@ from skyarm.dynamics import mass_matrix
 from skyarm.dynamics.state import State
 from skyarm.scenario.numbers import with_numbers
 from skyarm.sensing.measurement import SensorNoise
-from skyarm.studies.compare.envelope_setting import PAPER, setting_of
 from skyarm.studies.compare.faulty_sensors import SPIKED, START, FaultySensors
 from skyarm.studies.compare.survive import FLAGSHIP, SurviveSuite, survive_rows, worse_conditions
 from skyarm.studies.compare.survive_trials import CONDITIONS, TRIALS, decaying
+from skyarm.studies.trial.facts import PAPER, setting_of
 from skyarm.vehicle.vehicle_files import load_vehicle
 from support.studies import cell_of
 

@@ -14,8 +14,9 @@ from skyarm.records.files import PathLike
 from skyarm.scenario.numbers import with_numbers
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.studies.compare.cell_flights import PLACED, SUCCESS_METRIC, Cell, successes
-from skyarm.studies.compare.team_conditions import ROWS, with_entries
+from skyarm.studies.compare.team_conditions import ROWS
 from skyarm.studies.compare.team_suite import FLOWN, LAWS, TeamFlights, TeamSuite
+from skyarm.studies.trial.trial import with_entries
 from support.teams import TEAMS
 
 

@@ -17,8 +17,9 @@ from skyarm.scenario.controller_table import controller_by_name
 from skyarm.scenario.scenario_file import LIBRARY, scenario_from
 from skyarm.scenario.scenario_record import Delays, Scenario, with_words
 from skyarm.studies.compare.entrants import TUNED
-from skyarm.studies.compare.envelope_setting import PAPER
-from skyarm.studies.compare.suite import NOISE, force_wind, library_rows
+from skyarm.studies.compare.suite import force_wind, library_rows
+from skyarm.studies.trial.facts import PAPER
+from skyarm.studies.trial.trial import NOISE
 
 Range = tuple[float, float]
 

@@ -26,7 +26,8 @@ from skyarm.records.immutable import immutable
 from skyarm.records.registry import registrations
 from skyarm.records.registry.plugins import law_of_file_name
 from skyarm.records.registry.registrations import SHIPPED
-from skyarm.studies.compare.suite import DELAY, library_rows
+from skyarm.studies.compare.suite import library_rows
+from skyarm.studies.trial.trial import DELAY
 
 PAPER_GAINS: Mapping[str, Any] = {"gains": HUMMINGBIRD, "joint_gains": ACCELERATION}
 """Gains of every step of the ladder: the paper's; only the law differs."""

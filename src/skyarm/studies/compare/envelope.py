@@ -31,9 +31,9 @@ from skyarm.studies.compare.envelope_axes import (
     axis_words,
     plants_at,
 )
-from skyarm.studies.compare.envelope_setting import DURATION, PAPER, Setting, setting_of
 from skyarm.studies.compare.run_suite import DPI, Refused, Suite
 from skyarm.studies.compare.suite import Case, Condition
+from skyarm.studies.trial.facts import DURATION, PAPER, Setting, setting_of
 from skyarm.view.figures.comparison_figures import envelope_figure
 from skyarm.view.figures.style import image_bytes
 from skyarm.view.pages import DASH, Report, Section, Table, image, number
@@ -82,7 +82,7 @@ class AxisFlights(CellFlights):
 
     def scenario(self) -> Scenario:
         """Scenario of the envelope trial at its easiest value, or at the only value to be simulated."""
-        value = self.points[0] if self.axis.numbers is None else self.axis.of(self.setting)[0]
+        value = self.axis.of(self.setting)[0] if self.axis.numbers else self.points[0]
         built = replace(self.axis.scenario(self.setting, value), seed=self.seed, name=self.case.name)
         return built.with_controller(controller_by_name(built, self.entrant.law))
 
@@ -92,7 +92,7 @@ class AxisFlights(CellFlights):
             count = self.episodes(scenario) // len(self.points)
             drawn = [plants_at(self.setting, scenario, value, count, seed=self.seed) for value in self.points]
             return {path: np.concatenate([each[path] for each in drawn]) for path in drawn[0]}
-        rows = [self.axis.numbers(self.setting, value) for value in self.points] if self.axis.numbers else [{}]
+        rows = [self.axis.numbers_of(self.setting, value) for value in self.points]
         return {path: np.array([row[path] for row in rows]) for path in rows[0]}
 
     def episodes(self, scenario: Scenario) -> int:
@@ -135,7 +135,7 @@ def axis_flights(
         vehicle=setting.vehicle,
         duration=setting.duration,
     )
-    if (axis.plants or axis.numbers is not None) and not whole.alone(whole.scenario()):
+    if (axis.plants or axis.numbers) and not whole.alone(whole.scenario()):
         return [whole]
     return [replace(whole, points=(value,)) for value in points]
 

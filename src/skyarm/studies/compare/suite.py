@@ -14,15 +14,9 @@ from skyarm.log.metrics.windows import Window, Windows
 from skyarm.records.immutable import immutable
 from skyarm.scenario.scenario_file import load_scenario
 from skyarm.scenario.scenario_record import Delays, Scenario, with_words
-from skyarm.sensing.measurement import SensorNoise
 from skyarm.studies.compare.perturbed_plants import Spread
+from skyarm.studies.trial.trial import DELAY, NOISE
 from skyarm.world import ForceWind
-
-NOISE = SensorNoise(position=0.001, velocity=0.01, attitude=0.002, rate=0.01, joints=0.001, joint_rates=0.01)
-"""White noise of the noisy conditions: 1 mm, 1 cm/s, 2 mrad, 0.01 rad/s, joints 1 mrad and 0.01 rad/s."""
-
-DELAY = 0.005
-"""Age (s) of a measurement in the noisy conditions, one control period; laws with an option for it receive it."""
 
 GROUND = False
 """Setting without a ground: the suite measures tracking, and a flight below z = 0 continues."""

@@ -19,11 +19,11 @@ from skyarm.scenario.scenario_record import Scenario
 from skyarm.studies.assess.survival_limits import LAST_TILT, lost
 from skyarm.studies.compare.cell_flights import Cell, CellFlights, Document, Record
 from skyarm.studies.compare.entrants import Entrant
-from skyarm.studies.compare.envelope_setting import PAPER, setting_of
 from skyarm.studies.compare.faulty_sensors import START
 from skyarm.studies.compare.run_suite import Refused, Suite
 from skyarm.studies.compare.suite import Case, Condition
 from skyarm.studies.compare.survive_trials import CONDITIONS, TRIALS, Trial
+from skyarm.studies.trial.facts import PAPER, setting_of
 from skyarm.view.pages import Report, Section, Table, number
 
 SURVIVE = "survive-suite"

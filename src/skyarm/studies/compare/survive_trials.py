@@ -22,11 +22,11 @@ from skyarm.scenario.numbers import number_at, with_numbers
 from skyarm.scenario.scenario_file import scenario_from
 from skyarm.scenario.scenario_record import Scenario, with_words
 from skyarm.studies.compare.cell_flights import Document
-from skyarm.studies.compare.envelope_axes import SLOW, circle
-from skyarm.studies.compare.envelope_setting import PAPER, Setting
 from skyarm.studies.compare.faulty_sensors import FaultySensors
-from skyarm.studies.compare.suite import NOISE, library_rows
-from skyarm.studies.compare.team_conditions import with_entries
+from skyarm.studies.compare.suite import library_rows
+from skyarm.studies.trial import trial as motions
+from skyarm.studies.trial.facts import PAPER, Setting
+from skyarm.studies.trial.trial import NOISE, with_entries
 from skyarm.vehicle import Vehicle
 
 MODEL = "hummingbird_arm2"
@@ -35,6 +35,9 @@ MODEL = "hummingbird_arm2"
 HEIGHT, BENT = 4.34, 0.5
 """Height (m) of the hover: skids are 1.2 m above the surfaces of the landing; and joints in it, as a share of their
 swing from the middle of their range: neither straight nor at a limit."""
+
+
+SLOW_CIRCLE = motions.Trial(name="slow", title="slow circle", unit="", values=(0.0,), base="slow_circle", arm="gentle")
 
 
 @immutable
@@ -134,7 +137,7 @@ class Trial:
             document["model"] = {"vehicle": MODEL}
         built = scenario_from(with_entries(document, self.tables))
         if self.motion == "circle":
-            moved = circle(setting, *SLOW).agent.reference
+            moved = SLOW_CIRCLE.built(setting, 0.0).agent.reference
             built = built.with_reference(replace(moved, z=Constant(HEIGHT)))
         if self.noisy:
             built = with_words(built, noise=FaultySensors(**parts(NOISE)))

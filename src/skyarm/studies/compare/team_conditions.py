@@ -21,6 +21,7 @@ from skyarm.studies.compare.suite import Condition, library_rows
 from skyarm.studies.sweep.design import values
 from skyarm.studies.sweep.distributions import distribution_from
 from skyarm.studies.sweep.study import Study
+from skyarm.studies.trial.trial import with_entries
 
 if TYPE_CHECKING:
     from skyarm.world.contact.contact import Contact
@@ -218,17 +219,3 @@ class CarryingTeam:
         assert self.team.motion is not None
         lift, stop = float(self.team.motion.lift), min(float(self.team.motion.stop), self.scenario.duration)
         return round(lift + (stop - lift) * BEGIN, 3)
-
-
-def with_entries(table: Record, entries: Record) -> Document:
-    """Table of a file with entries in place of its own, tables key by key; a table for a list in each of its tables."""
-    changed = dict(table)
-    for key, entry in entries.items():
-        match table.get(key), entry:
-            case dict() as own, dict():
-                changed[key] = with_entries(own, entry)
-            case list() as own, dict():
-                changed[key] = [with_entries(each, entry) for each in own]
-            case _:
-                changed[key] = entry
-    return changed

@@ -17,8 +17,9 @@ from skyarm.scenario.scenario_record import Scenario
 from skyarm.studies.compare.cell_flights import JITTER, LIMITED, CellFlights, Document, Record, values_of
 from skyarm.studies.compare.entrants import Entrant
 from skyarm.studies.compare.run_suite import Refused, SummarySuite
-from skyarm.studies.compare.suite import DELAY, NOISE, Case, library_rows
-from skyarm.studies.compare.team_conditions import ROWS, CarryingTeam, TeamCondition, with_entries
+from skyarm.studies.compare.suite import Case, library_rows
+from skyarm.studies.compare.team_conditions import ROWS, CarryingTeam, TeamCondition
+from skyarm.studies.trial.trial import DELAY, NOISE, with_entries
 from skyarm.view.pages import Report, Section, Table, number
 
 TEAM, FLOWN = "team-suite", "two_carry_a_bar"

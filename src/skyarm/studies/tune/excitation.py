@@ -27,7 +27,7 @@ from skyarm.scenario.controller_table import loop_facts, make_named_or_tuned
 from skyarm.scenario.scenario_record import PERFECT_SENSORS, Agent, Delays, FieldsByWord, Rates, Scenario, with_words
 from skyarm.sensing.estimate.estimator import PASS_THROUGH
 from skyarm.studies.compare.perturbed_plants import Spread, draw, fitted_damping, spread_of
-from skyarm.studies.compare.suite import DELAY, NOISE
+from skyarm.studies.trial.trial import DELAY, NOISE
 from skyarm.vehicle import Joint, Vehicle
 from skyarm.world import ForceWind
 from skyarm.world.gust import Gust

@@ -28,7 +28,7 @@ from skyarm.records.units import units
 from skyarm.scenario.numbers import number_at, with_numbers
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.studies.compare.perturbed_plants import Spread
-from skyarm.studies.compare.suite import NOISE
+from skyarm.studies.trial.trial import NOISE
 from skyarm.studies.tune.candidate_flights import LARGEST_TILT, LIMITED, LOST, OWN, CandidateFlights, Flown, penalize
 from skyarm.studies.tune.excitation import Plants, with_noise
 from skyarm.studies.tune.front import Required
