@@ -30,7 +30,7 @@ def prepared(name: str) -> dict[str, str]:
     files = {"my/vehicle.toml": vehicle, "my/flight.toml": flight, "flight.toml": flight}
     if "my_law.py:make" in PAGES[name] and "skyarm new law" not in PAGES[name]:
         files["my_law.py"] = (Path(skyarm.__file__).parent / "cli/starters/law.py.txt").read_text("utf-8")
-    for example in re.findall(r"[ \"](examples/\w+\.(?:urdf|py))", PAGES[name]):
+    for example in re.findall(r"[ \"](examples/(?:\w+\.(?:urdf|py)|loads_and_gusts\.toml))", PAGES[name]):
         files[example] = (ROOT / example).read_text("utf-8")
     if name == "export_c.md":
         files["tuned.toml"] = next(block.text for block in blocks(PAGES["tuning.md"]) if "[gains]" in block.text)

@@ -102,6 +102,7 @@ SLOW = {
     "sensors.md",
     "several_vehicles.md",
     "studio.md",
+    "suites.md",
     "sweeps.md",
     "the_paper.md",
     "troubleshooting.md",

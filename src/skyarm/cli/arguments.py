@@ -24,7 +24,7 @@ SUFFIXES: Mapping[str, tuple[str, ...]] = {
     "scenario": (".toml", ".npz"),
     "study": (".toml",),
     "task": (".toml",),
-    "suite": (),
+    "suite": (".toml",),
     "controller": (".py",),
     "autopilot": (),
 }
@@ -180,9 +180,14 @@ def require_left_out(context: typer.Context, options: Iterable[str], why: str) -
     """
     names = {word: each.name for each in context.command.params for word in each.opts}
     for option in options:
-        source = context.get_parameter_source(str(names[option]))
-        if source is not None and source.name != "DEFAULT":
+        if is_given(context, str(names[option])):
             raise ValueError(f"{option}: must be left out{why}")
+
+
+def is_given(context: typer.Context, parameter: str) -> bool:
+    """True if the user gave a parameter of a command."""
+    source = context.get_parameter_source(parameter)
+    return source is not None and source.name != "DEFAULT"
 
 
 def split_names(option: str, words: str) -> list[str]:

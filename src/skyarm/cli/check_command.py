@@ -8,19 +8,20 @@ from typing import Annotated
 
 import typer
 
-from skyarm.cli.arguments import name_completion
+from skyarm.cli.arguments import name_completion, require_left_out
 from skyarm.cli.lines import DIFFERENT
 from skyarm.cli.output import bar, give, tell
-from skyarm.scenario.scenario_file import is_scenario
+from skyarm.scenario.scenario_file import is_scenario, kind_of_file
 from skyarm.studies.assess.assessment import check as assess
 from skyarm.studies.assess.check_sheet import sheet
 
 
 def check(
+    context: typer.Context,
     what: Annotated[
         str,
         typer.Argument(
-            metavar="VEHICLE|SCENARIO",
+            metavar="VEHICLE|SCENARIO|SUITE",
             help="a file or a shipped name",
             autocompletion=name_completion("vehicle", "scenario"),
         ),
@@ -38,6 +39,8 @@ def check(
     Thrust, torques, joint limits, workspace, largest payload and side force, units that look wrong; of a scenario also
     its reference against limits. Exit code 1 if a fault was found.
     """
+    if kind_of_file(what) == "suite":
+        return _check_suite(context, what)
     with bar(f"{what}: checking"):
         assessment = assess(what, payload=payload, poses=poses, gravity=gravity, flights=flights)
     give(assessment.plain())
@@ -46,3 +49,20 @@ def check(
         raise typer.Exit(DIFFERENT)
     if Path(what).suffix and not is_scenario(what):
         tell(f"next: skyarm new vehicle NAME --from {shlex.quote(what)}")
+
+
+def _check_suite(context: typer.Context, file: str) -> None:
+    """Plan every flight of a suite, so that what cannot fly is refused here, and say what flies."""
+    from skyarm.studies.compare.suite_file import load_suite
+
+    require_left_out(context, ["--payload", "--arm-poses", "--gravity", "--flights"], " for a suite")
+    suite = load_suite(file)
+    with bar(f"{file}: checking"):
+        cells, refused = suite.plan_cells()
+    flights = sum(each.trial.flights * len(each.points) for each in cells)
+    give(suite=suite.name, trials=[each.name for each in suite.trials], flights=flights, not_flown=dict(refused))
+    trials = f"{len(suite.trials)} trial{'s' if len(suite.trials) > 1 else ''}"
+    tell(f"{file}: {trials} under {', '.join(suite.laws)}: {flights} flights")
+    tell(*(f"{law} does not fly: {why}" for law, why in refused.items()))
+    if not cells:
+        raise typer.Exit(DIFFERENT)

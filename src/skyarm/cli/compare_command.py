@@ -12,6 +12,7 @@ from skyarm.cli.arguments import (
     Laws,
     On,
     chosen_names,
+    is_given,
     law_names,
     name_completion,
     names_of,
@@ -19,6 +20,7 @@ from skyarm.cli.arguments import (
     require_left_out,
     require_within,
     shipped_names,
+    split_names,
     word_completion,
     workers,
 )
@@ -26,6 +28,7 @@ from skyarm.cli.output import bar, give, tell
 from skyarm.records.files import must_be_one_of, shown
 from skyarm.records.registry import names as registered
 from skyarm.records.registry.plugins import loaded_plugins
+from skyarm.scenario.scenario_file import kind_of_file
 from skyarm.simulate.user_code import check_law
 from skyarm.studies.compare.compare_laws import SUITES, suite_of
 from skyarm.studies.compare.comparison import SUITE
@@ -33,7 +36,6 @@ from skyarm.studies.compare.contact_suite import CONTACT, QUICK, WORLDS
 from skyarm.studies.compare.contact_tasks import TASKS
 from skyarm.studies.compare.envelope import ENVELOPE, TUNED_LAWS
 from skyarm.studies.compare.envelope_axes import AXES
-from skyarm.studies.compare.envelope_setting import PAPER
 from skyarm.studies.compare.own_scenario import LAWS as USUAL_LAWS
 from skyarm.studies.compare.own_scenario import OWN
 from skyarm.studies.compare.run_suite import Suite, fly_suite
@@ -43,15 +45,18 @@ from skyarm.studies.compare.survive_trials import CONDITIONS as SURVIVED
 from skyarm.studies.compare.team_conditions import ROWS
 from skyarm.studies.compare.team_suite import FLOWN, TEAM
 from skyarm.studies.flights.executor import require_place
+from skyarm.studies.trial.facts import PAPER
 
 MOST = 1_000_000
 """Largest number of flights of a cell of the comparison; more belong into a sweep, which stores them on disk."""
 
+FILE = "a suite of your own"
+
 READ_BY = {
-    "--only": (SUITE, ENVELOPE, SURVIVE, CONTACT, TEAM),
+    "--only": (SUITE, ENVELOPE, SURVIVE, CONTACT, TEAM, FILE),
     "--plants": (SUITE, CONTACT),
     "--seeds": (SUITE, TEAM, "a scenario"),
-    "--vehicle": (ENVELOPE, SURVIVE),
+    "--vehicle": (ENVELOPE, SURVIVE, FILE),
     "--scenario": (TEAM,),
     "--quick": (ENVELOPE, SURVIVE, CONTACT),
 }
@@ -66,7 +71,7 @@ def compare(
     suite: Annotated[
         str,
         typer.Argument(
-            help="paper-, envelope-, survive-, contact-, team-suite or a scenario",
+            help="paper-, envelope-, survive-, contact-, team-suite, your suite (.toml), or a scenario",
             autocompletion=name_completion("suite", "scenario"),
         ),
     ] = SUITE,
@@ -75,7 +80,9 @@ def compare(
     only: Annotated[str | None, typer.Option(metavar="NAME,...", help="conditions, axes or tasks, with commas")] = None,
     vehicle: Annotated[
         str,
-        typer.Option(help="with an arm; of envelope- or survive-suite", autocompletion=name_completion("vehicle")),
+        typer.Option(
+            help="with an arm; of envelope-, survive-suite or yours", autocompletion=name_completion("vehicle")
+        ),
     ] = PAPER,
     scenario: Annotated[
         str,
@@ -110,14 +117,14 @@ def compare(
     count = workers(flying)
     if plant not in registered("plant"):
         raise ValueError(f"--plant = {plant!r}: {must_be_one_of(registered('plant'), plant)}")
-    _require_effect(context, suite)
+    kind = suite if suite in SUITES else FILE if kind_of_file(suite) == "suite" else "a scenario"
+    _require_effect(context, suite, kind)
     names, options = names_of("--laws", laws), dict[str, Any](seed=seed, plant=plant)
-    if suite == ENVELOPE:
-        options |= {"axes": chosen_names("--only", only, AXES), "vehicle": vehicle, "quick": quick}
-        if vehicle != PAPER:
+    if suite in (ENVELOPE, SURVIVE):
+        word, there = ("axes", AXES) if suite == ENVELOPE else ("conditions", SURVIVED)
+        options |= {word: chosen_names("--only", only, there), "vehicle": vehicle, "quick": quick}
+        if suite == ENVELOPE and vehicle != PAPER:
             options["laws"] = TUNED_LAWS
-    elif suite == SURVIVE:
-        options |= {"conditions": chosen_names("--only", only, SURVIVED), "vehicle": vehicle, "quick": quick}
     elif suite == CONTACT:
         if quick and plants is not None:
             raise ValueError(f"--plants: must be left out beside --quick, which flies {QUICK}")
@@ -125,8 +132,12 @@ def compare(
     elif suite == TEAM:
         options |= {"rows": chosen_names("--only", only, ROWS), "seeds": seeds, "scenario": scenario}
     elif suite == SUITE:
-        there = conditions_of(plants or PLANTS, seeds)
-        options["conditions"] = {name: there[name] for name in chosen_names("--only", only, there)}
+        flown = conditions_of(plants or PLANTS, seeds)
+        options["conditions"] = {name: flown[name] for name in chosen_names("--only", only, flown)}
+    elif kind == FILE:
+        options["only"] = None if only is None else split_names("--only", only)
+        if is_given(context, "vehicle"):
+            options["vehicle"] = vehicle
     elif suite.endswith(".toml") or suite in shipped_names("scenario"):
         # two names of one law are refused with its plan, where "own" does not count
         law_names([name for name in names if name != OWN])
@@ -134,18 +145,18 @@ def compare(
         names = []
     else:
         raise ValueError(
-            f"suite = {shown(suite)}: must be one of {', '.join(SUITES)}, or a scenario (a .toml file or a shipped one)"
+            f"suite = {shown(suite)}: must be one of {', '.join(SUITES)}, a suite or scenario of your own (.toml), "
+            "or a shipped scenario"
         )
     asked = suite_of(suite, names or None, "--laws", **options)
     _fly(asked, Path(out or asked.folder), count, on)
 
 
-def _require_effect(context: typer.Context, suite: str) -> None:
-    """Raise an error if the user gave an option that has no effect on this comparison."""
-    kind = suite if suite in SUITES else "a scenario"
+def _require_effect(context: typer.Context, suite: str, kind: str) -> None:
+    """Raise an error if the user gave an option that has no effect on this kind of comparison."""
     for option, readers in READ_BY.items():
         if kind not in readers:
-            of = suite if kind == suite else f"scenario {suite}"
+            of = suite if kind in (suite, FILE) else f"scenario {suite}"
             require_left_out(context, [option], f" for {of}; it is of {' and '.join(readers)}")
 
 

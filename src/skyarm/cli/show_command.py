@@ -17,7 +17,7 @@ from skyarm.plant.interface import require_gravity
 from skyarm.plant.mujoco_reading import COLUMNS, beside_mujoco
 from skyarm.records.files import errors_as, number, read_toml
 from skyarm.records.registry.registrations import function_of_option
-from skyarm.scenario.scenario_file import list_scenarios, load_scenario
+from skyarm.scenario.scenario_file import kind_of_file, list_scenarios, load_scenario
 from skyarm.scenario.unlikely_numbers import unlikely_in_vehicle
 from skyarm.studies.assess.data_sheet import sheet, vehicle_facts
 from skyarm.studies.sweep.study_file import LIBRARY as STUDIES
@@ -73,6 +73,9 @@ def show(
             require_left_out(context, ["--vehicle"], " beside --out, a drawing of the flight's channels alone")
         function_of_option("show FLIGHT")(shown, columns, vehicle, drawing)
         return None
+    if kind_of_file(shown) == "suite":
+        require_left_out(context, ["--gravity", "--out", "--vehicle", "--columns", "--compare"], " of a suite")
+        return _show_suite(shown)
     require_left_out(context, ["--vehicle", "--columns"], " of a vehicle")
     number(require_gravity(gravity, "--gravity"), "--gravity", low=0.0, strict=True)
     require_not_another(shown, "vehicle")
@@ -92,6 +95,21 @@ def show(
     give(numbers)
     for part in sheet(loaded, numbers) if not is_document_wanted() else ():
         tell(part, "")
+
+
+def _show_suite(file: str) -> None:
+    """Print the trials of a suite, with values and flights."""
+    from skyarm.studies.compare.suite_file import load_suite
+
+    suite = load_suite(file)
+    head = ("trial", "title", "values", "flights at each", "scenario")
+    rows = [
+        (each.name, each.title, f"{', '.join(f'{value:g}' for value in each.values)} {each.unit}".rstrip(),
+         str(each.flights), each.file or "hover")
+        for each in suite.trials
+    ]  # fmt: skip
+    give(title=suite.title, laws=list(suite.laws), trials=[dict(zip(head, row, strict=True)) for row in rows])
+    tell(f"{suite.title}; laws {', '.join(suite.laws)}", table_of(head, rows, left=len(head)))
 
 
 WORDS_OF_A_FILE = "words"

@@ -123,12 +123,15 @@ READS = {
     "study": "skyarm sweep",
     "task": "skyarm plan",
     "gains": "skyarm run SCENARIO --laws",
+    "suite": "skyarm compare",
 }
 """Kind of a TOML file -> a command that reads it."""
 
 
 def kind_of(document: Mapping[str, object]) -> str:
-    """Kind of a TOML file (scenario, study, task, vehicle or gains), by its tables; empty if they fit no kind."""
+    """Kind of a TOML file, a key of ``READS``, by its tables; empty if they fit no kind."""
+    if "suite" in document:
+        return "suite"
     if "scenario" in document and ("vary" in document or "episodes" in document or "design" in document):
         return "study"
     if "gains" in document and "law" in document:
@@ -141,7 +144,7 @@ def kind_of(document: Mapping[str, object]) -> str:
 
 
 def require_kind(document: object, expected: str) -> None:
-    """Raise an error if a TOML file is of another kind (scenario, study, task, vehicle, gains) than expected.
+    """Raise an error if a TOML file is of another kind than expected.
 
     Raises:
         ValueError: one line.

@@ -8,6 +8,7 @@ from typing import Any
 
 from skyarm.records.files import PathLike
 from skyarm.records.immutable import immutable
+from skyarm.scenario.scenario_file import kind_of_file
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.studies.compare.cell_flights import Document
 from skyarm.studies.compare.comparison import SUITE, Comparison
@@ -17,6 +18,7 @@ from skyarm.studies.compare.entrants import chosen_entrants, chosen_laws
 from skyarm.studies.compare.envelope import ENVELOPE, Envelope
 from skyarm.studies.compare.own_scenario import OwnScenario
 from skyarm.studies.compare.run_suite import Suite, fly_suite
+from skyarm.studies.compare.suite_file import load_suite
 from skyarm.studies.compare.survive import SURVIVE, SurviveSuite
 from skyarm.studies.compare.team_suite import TEAM, TeamSuite
 from skyarm.studies.flights.executor import Progress
@@ -62,7 +64,7 @@ def compare(
 
     Args:
         what: a scenario, the name or path of one, or "paper-suite", "envelope-suite", "survive-suite",
-            "contact-suite", "team-suite".
+            "contact-suite", "team-suite", or the file of a suite.
         laws: names of controllers; the usual ones of the suite if left out.
         out: folder of the results.
         workers: threads or processes that fly; results do not depend on it.
@@ -83,7 +85,7 @@ def suite_of(what: Scenario | PathLike, names: Sequence[str] | None, field: str,
     """Comparison of laws on a scenario or on a suite of trials, before its flights are simulated.
 
     Args:
-        what: a scenario, the name or path of one, or a name of ``SUITES``.
+        what: a scenario, the name or path of one, a name of ``SUITES``, or the file of a suite.
         names: names of controllers; None for the usual ones of the comparison, or those of ``options``.
         field: field of the names, in messages.
         options: fields of the comparison.
@@ -98,4 +100,6 @@ def suite_of(what: Scenario | PathLike, names: Sequence[str] | None, field: str,
         # of an own scenario any controller flies
         own = OWN if what == CONTACT else () if kind else names
         options["laws"] = names if kind is TeamSuite else chosen_laws(names, field, own)
+    if kind is None and not isinstance(what, Scenario) and kind_of_file(str(what)) == "suite":
+        return load_suite(what, **options)
     return OwnScenario(scenario=what, **options) if kind is None else kind(**options)

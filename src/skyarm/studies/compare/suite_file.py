@@ -1,0 +1,375 @@
+"""Suites of users: trials that a file describes, each at several values, law beside law.
+
+A file begins with the table [suite] and has a table [[trials]] for each trial; docs/suites.md says what its words mean.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import field, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from skyarm.control.controller import ControllerError
+from skyarm.log.metrics.metric_catalogue import metric_words, row_names
+from skyarm.log.metrics.windows import Windows
+from skyarm.records.arrays import AnyArray as Array
+from skyarm.records.arrays import Mask
+from skyarm.records.files import (
+    Fields,
+    PathLike,
+    errors_as,
+    file_name,
+    must_be_one_of,
+    read_toml,
+    require_file,
+    shown,
+    versions,
+)
+from skyarm.records.files import number as number_of
+from skyarm.records.files.fields import filled_list
+from skyarm.records.files.names import is_result_name, require_kind
+from skyarm.records.immutable import immutable
+from skyarm.records.read_table import record_from
+from skyarm.scenario.numbers import require_apart
+from skyarm.scenario.readers import require_plugins
+from skyarm.scenario.scenario_record import Scenario, whole
+from skyarm.studies.compare.cell_flights import JITTER, Cell, CellFlights, Document, Record, values_of
+from skyarm.studies.compare.entrants import Entrant, chosen_laws
+from skyarm.studies.compare.own_scenario import OWN
+from skyarm.studies.compare.run_suite import Refused, Suite
+from skyarm.studies.compare.suite import Case, Condition
+from skyarm.studies.flights import Work
+from skyarm.studies.sweep.design import values
+from skyarm.studies.sweep.distributions import Distribution, distribution_from
+from skyarm.studies.sweep.plan import fastest_plant
+from skyarm.studies.sweep.study import Study
+from skyarm.studies.trial.facts import DURATION, PAPER, Setting, setting_of, setting_of_scenario
+from skyarm.studies.trial.trial import MOTIONS, Trial
+from skyarm.view.pages import Report, Section, Table, number
+
+LAWS = ("paper_pd", "paper_ct", "centroidal_tip")
+"""Laws of a suite that names none."""
+
+METRICS = ("ee_error_mean_continuous", JITTER)
+"""Metrics of a suite that names none: mean distance of the tip from its reference, and the rotors' jitter."""
+
+MOST = 10_000
+"""Largest number of flights of a trial at one value."""
+
+
+@immutable
+class SuiteTrial(Trial):
+    """Trial of a suite of the user.
+
+    Attributes:
+        flights: flights at each value, each with noise and draws of its own.
+        duration: s; None for that of the scenario, or 20 in a hover.
+        vary: path -> distribution of a number of each flight, the same for every law and value.
+        success: metric -> largest value of a successful flight, which has to fly to its end in any case.
+        windows: windows of the metrics.
+    """
+
+    flights: int = 1
+    duration: float | None = None
+    vary: Mapping[str, Distribution] = field(default_factory=dict)
+    success: Mapping[str, float] = field(default_factory=dict)
+    windows: Windows = Windows()
+
+    def setting(self, suite: FileSuite, law: str) -> Setting:
+        """Vehicle of the trial under a law, or the trial's scenario.
+
+        Raises:
+            ValueError: one line: a scenario or vehicle that cannot be, or a law that does not fit it.
+        """
+        if not self.file:
+            duration = DURATION if self.duration is None else self.duration
+            return setting_of(suite.vehicle or PAPER, duration, suite.plant, law)
+        given = {"plant": suite.plant, "duration": self.duration, "controller": None if law == OWN else law}
+        given = {word: each for word, each in given.items() if each is not None}
+        return setting_of_scenario(self.file, Path(suite.source).parent, given)
+
+
+@immutable(slots=False)
+class TrialFlights(CellFlights):
+    """Flights of one law in a trial of a suite of the user.
+
+    Attributes:
+        trial: the trial. setting: its vehicle. points: values that fly, SI. metrics: of the tables.
+    """
+
+    trial: SuiteTrial
+    setting: Setting
+    points: tuple[float, ...]
+    metrics: tuple[str, ...]
+
+    @property
+    def label(self) -> str:
+        """File name of the stored results; includes the value if each is a scenario of its own."""
+        return super().label + ("" if self.trial.numbers else f"_{self.points[0]:g}")
+
+    def scenario(self) -> Scenario:
+        """Scenario of the trial at the first of these values."""
+        return replace(self.trial.scenario(self.setting, self.points[0]), seed=self.seed)
+
+    def values(self, scenario: Scenario) -> dict[str, Array]:
+        """Numbers of the flights: parameter path -> values (flights,)."""
+        count, rows = self.trial.flights, [self.trial.numbers_of(self.setting, value) for value in self.points]
+        numbers = {path: np.repeat([row[path] for row in rows], count) for path in rows[0]}
+        study = Study(
+            name=self.trial.name, scenarios={}, vary=self.trial.vary, episodes=count, seed=self.seed, document={}
+        )
+        drawn = values(study, np.arange(count)) if self.trial.vary else {}
+        return numbers | {path: np.tile(column, len(self.points)) for path, column in drawn.items()}
+
+    def episodes(self, scenario: Scenario) -> int:
+        """Number of flights at all values."""
+        return len(self.points) * self.trial.flights
+
+    def trials(self, count: int) -> Array:
+        """Value (count,) of each flight, SI."""
+        return np.repeat(self.points, count // len(self.points))
+
+    def metric_names(self, setpoints: Mapping[str, Sequence[bool]]) -> tuple[str, ...]:
+        """Metrics of the tables, and those that judge."""
+        return row_names([*dict.fromkeys((*self.metrics, *self.trial.success))], setpoints)
+
+    def work(self) -> Work:
+        """Work item of these flights; each value meets the same noise and draws.
+
+        Raises:
+            ValueError: one line: a path of no number, or a number that cannot be.
+        """
+        work = super().work()
+        require_apart(work.scenario, list(work.columns))
+        ends = {path: (float(column.min()), float(column.max())) for path, column in work.columns.items()}
+        keys = np.tile(np.arange(self.trial.flights), len(self.points))
+        return replace(work, episodes=keys, stiffest=fastest_plant(work.scenario, ends))
+
+
+@immutable
+class FileSuite(Suite[TrialFlights]):
+    """Comparison of laws on the trials of a file.
+
+    Attributes:
+        title: one line. source: path of the file. trials: in order. laws: names; "own" is a scenario's.
+        vehicle: name or file, of trials that hover; empty for the paper's. metrics: of the tables.
+        seed: seed of noise and draws. plant: kind of plant.
+    """
+
+    title: str
+    source: str
+    trials: Sequence[SuiteTrial]
+    laws: Sequence[str] = LAWS
+    vehicle: str = ""
+    metrics: tuple[str, ...] = METRICS
+    seed: int = 0
+    plant: str = "rigid_body"
+
+    file = "suite"
+    settings = ("vehicle", "seed", "plant")
+
+    @property
+    def name(self) -> str:  # type: ignore[override]
+        """Name of the file."""
+        return Path(self.source).stem
+
+    @property
+    def folder(self) -> str:  # type: ignore[override]
+        """Usual folder of its results."""
+        return f"out/{self.name}"
+
+    def plan_cells(self) -> tuple[list[TrialFlights], Refused]:
+        """All flights of the suite, and why laws do not fly a trial.
+
+        Raises:
+            ValueError: one line with file and trial.
+        """
+        cells, refused = list[TrialFlights](), dict[str, str]()
+        for trial in self.trials:
+            with errors_as(ValueError, f"{self.source}: trials[{trial.name}]: "):
+                for law in self.laws:
+                    try:
+                        cells += self._cells(trial, law)
+                    except ControllerError as error:
+                        refused[f"{law} in {trial.name}"] = str(error)
+        return cells, refused
+
+    def _cells(self, trial: SuiteTrial, law: str) -> list[TrialFlights]:
+        if law == OWN and not trial.file:
+            raise ControllerError("flies trials with a scenario, whose own law it is")
+        setting, kind = trial.setting(self, law), "noisy" if trial.noisy else "given"
+        every = TrialFlights(
+            entrant=Entrant(name=law, law=law),
+            case=Case(name=trial.name, title=trial.title, scenario=setting.vehicle, windows=trial.windows),
+            condition=Condition(name=kind, title=kind, noisy=trial.noisy, episodes=trial.flights, cases=(trial.name,)),
+            plant=self.plant,
+            seed=self.seed,
+            trial=trial,
+            setting=setting,
+            points=trial.of(setting),
+            metrics=self.metrics,
+        )
+        apart = [every] if trial.numbers else [replace(every, points=(value,)) for value in every.points]
+        trial.windows.require_within(setting.duration)
+        for each in apart:
+            each.work()  # refuses here what cannot fly
+        return apart
+
+    def judge(self, todo: Sequence[TrialFlights], cells: Sequence[Cell], refused: Refused) -> Document:
+        """Evaluate the suite: of each trial, law and value the flights, successes and means of the metrics."""
+        trials: Document = {}
+        for flights, cell in zip(todo, cells, strict=True):
+            trial, (_, name, law) = flights.trial, flights.name
+            entry = trials.setdefault(name, {"title": trial.title, "unit": trial.unit, "values": {}, "laws": {}})
+            entry["values"] |= dict.fromkeys(map(str, flights.points))
+            points = entry["laws"].setdefault(law, [])
+            for k, _ in enumerate(flights.points):
+                points.append(_point(cell, slice(k * trial.flights, (k + 1) * trial.flights), self.metrics, trial))
+        for entry in trials.values():
+            entry["values"] = list(map(float, entry["values"]))
+        return {"title": self.title, "laws": list(self.laws), "not_flown": dict(refused), "trials": trials}
+
+    def report(self, found: Record, pictures: Mapping[str, bytes] | None = None) -> Report:
+        """Report with a section for each trial, and a table for each metric in it."""
+        vehicle = f"{found['vehicle'] or PAPER}, " if any(not trial.file for trial in self.trials) else ""
+        notes = [MEANING, *(f"{law} does not fly: {why}" for law, why in found["not_flown"].items())]
+        tables = {name: [_table(entry, metric) for metric in self.metrics] for name, entry in found["trials"].items()}
+        trials = [Section(title=found["trials"][name]["title"], tables=each) for name, each in tables.items()]
+        return Report(
+            title=found["title"],
+            facts=f"{vehicle}{found['plant']}, seed {found['seed']}; skyarm {versions()['skyarm']}",
+            sections=[Section(name="What flew", notes=notes), *trials],
+        )
+
+
+MEANING = "Means over the flights that came to their end. Where some did not succeed: successes of all flights; mean."
+
+
+def _point(cell: Cell, rows: slice, metrics: Sequence[str], trial: SuiteTrial) -> Document:
+    """Results of one law at one value; of several vehicles the largest of theirs."""
+    flown, wanted = cell.completed[rows], (*metrics, *trial.success)
+    numbers = {name: np.max([each[rows] for each in values_of(cell.metrics, name)], axis=0) for name in wanted}
+    with np.errstate(invalid="ignore"):
+        good: Mask = np.all([flown, *(numbers[name] <= most for name, most in trial.success.items())], axis=0)
+    means = {name: numbers[name][flown & np.isfinite(numbers[name])] for name in metrics}
+    return {
+        "flights": int(flown.size),
+        "completed": int(flown.sum()),
+        "success": int(good.sum()),
+        "means": {name: float(each.mean()) if each.size else None for name, each in means.items()},
+    }
+
+
+def _table(entry: Record, metric: str) -> Table:
+    """Table of a metric in a trial: a row for each law, a column for each value."""
+    words, unit = metric_words(metric)
+    factor, unit = (1e3, "mm") if unit == "m" else (1.0, unit)
+    values = (f">{value:g} {entry['unit']}".rstrip() for value in entry["values"])
+    rows = [[law, *(_cell(each, metric, factor) for each in points)] for law, points in entry["laws"].items()]
+    return Table(head=[f"{words}, {unit}" if unit else words, *values], rows=rows)
+
+
+def _cell(point: Record, metric: str, factor: float) -> str:
+    if not point["completed"]:
+        return "lost"
+    mean = number(point["means"][metric], factor)
+    every = point["success"] == point["flights"]
+    return mean if every else f"{point['success']} of {point['flights']}; {mean}"
+
+
+def load_suite(path: PathLike, **options: Any) -> FileSuite:
+    """Suite of a file.
+
+    Args:
+        path: path of the .toml file.
+        options: fields of :class:`FileSuite` in place of the file's; ``only``: names of trials that fly.
+
+    Raises:
+        ValueError: one line, ``file: table.key = value: what is allowed``.
+    """
+    source, only = file_name(path, "suite"), options.pop("only", None)
+    require_file(source, f"suite = {shown(source)}")
+    with errors_as(ValueError, f"{source}: "):
+        document = read_toml(Path(source).read_bytes())
+        require_kind(document, "suite")
+        top = Fields(document, "")
+        top.require_schema()
+        require_plugins(top)
+        table = top.inner("suite")
+        filled_list(top.take("trials", []), "trials", "one or more tables [[trials]]")
+        own = {
+            "title": table.text("title", Path(source).stem),
+            "laws": chosen_laws(_texts(table, "laws", LAWS), "suite.laws", (OWN,)),
+            "vehicle": table.text("vehicle", ""),
+            "metrics": _texts(table, "metrics", METRICS),
+        }
+        usual = {"flights": table.take("flights", 1), "duration": table.take("duration", None)}
+        table.done()
+        trials = [_trial(each, usual) for each in Fields(document, "", named=True).tables("trials")]
+        top.done()
+        names = [trial.name for trial in trials]
+        for name in names:
+            if names.count(name) > 1:
+                raise ValueError(f"trials[{name}].name = {shown(name)}: must be of one trial alone")
+    for name in only or ():
+        if name not in names:
+            raise ValueError(f"--only = {shown(name)}: {must_be_one_of(names, name)}")
+    chosen = [trial for trial in trials if only is None or trial.name in only]
+    return FileSuite(**own | {"source": source, "trials": chosen} | options)
+
+
+def _texts(table: Fields, name: str, usual: tuple[str, ...]) -> tuple[str, ...]:
+    """List of names in a field."""
+    allowed = "a list of one or more names"
+    given = filled_list(table.take(name, list(usual)), table.at(name), allowed)
+    for each in given:
+        if not isinstance(each, str):
+            raise ValueError(f"{table.at(name)} = {shown(each)}: must be {allowed}")
+    return tuple(dict.fromkeys(given))
+
+
+def _trial(table: Fields, usual: Record) -> SuiteTrial:
+    """Read one table of a suite."""
+    name, file = table.text("name"), table.text("scenario", "")
+    if not is_result_name(name):
+        raise ValueError(f"{table.at('name')} = {shown(name)}: must be a name as of a file")
+    numbers, vary = table.inner("numbers"), table.inner("vary")
+    for path, expression in numbers.table.items():
+        if not isinstance(expression, str):
+            raise ValueError(f'{numbers.at(path)} = {shown(expression)}: must be an expression, as "2 * value"')
+        if path in vary.table:
+            raise ValueError(f"{vary.at(path)}: must not stand under numbers as well")
+    if file:
+        for word in ("base", "arm"):
+            if table.states(word):
+                raise ValueError(f"{table.at(word)}: must be left out beside scenario, which has a reference")
+    success = table.inner("success")
+    stated, duration = table.take("flights", usual["flights"]), table.take("duration", usual["duration"])
+    flights = whole(stated)
+    if flights is None or not 1 <= flights <= MOST:
+        raise ValueError(f"{table.at('flights')} = {shown(stated)}: must be a whole number from 1 to {MOST}")
+    found = SuiteTrial(
+        name=name,
+        title=table.text("title", name),
+        unit=table.text("unit", ""),
+        values=tuple(table.numbers("values", [1.0])),
+        share=table.text("share", "1"),
+        file=file,
+        base=table.choice("base", tuple(MOTIONS["bases"])) if table.states("base") else "",
+        arm=table.choice("arm", tuple(MOTIONS["arms"]), "still"),
+        entries=table.inner("entries").table,
+        numbers=numbers.table,
+        noisy=table.flag("noisy", False),
+        flights=flights,
+        duration=None if duration is None else number_of(duration, table.at("duration"), low=0.0, strict=True),
+        vary={path: distribution_from(each, vary.at(path)) for path, each in vary.table.items()},
+        success={metric: success.number(metric) for metric in success.table},
+        windows=record_from(Windows, Fields(table.take("windows", {}), table.at("windows"))),
+    )
+    table.done()
+    if not found.values or len(set(found.values)) < len(found.values):
+        raise ValueError(f"{table.at('values')} = {shown(list(found.values))}: must be one or more different numbers")
+    return found

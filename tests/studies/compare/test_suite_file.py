@@ -1,0 +1,189 @@
+"""Suites of users: what a file says flies, each wrong file is one line, and nothing of it is lost in silence."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import skyarm
+from skyarm.scenario.controller_table import controller_by_name
+from skyarm.scenario.numbers import number_at, with_numbers
+from skyarm.studies.compare.compare_laws import compare, suite_of
+from skyarm.studies.compare.run_suite import fly_suite
+from skyarm.studies.compare.suite_file import FileSuite, load_suite
+from skyarm.studies.trial.facts import setting_of
+
+ROOT = Path(__file__).resolve().parents[3]
+EXAMPLE = ROOT / "examples" / "loads_and_gusts.toml"
+
+NAME = "ee_error_mean_continuous"
+
+SHORT = """
+[suite]
+title = "Short"
+laws = ["paper_ct"]
+duration = 1.0
+
+[[trials]]
+name = "push"
+unit = "N"
+values = [0.5, 1.0]
+base = "slow_circle"
+arm = "gentle"
+noisy = true
+flights = 2
+entries.environment.forces = [{ kind = "disturbance", force = [0, { kind = "constant", value = 0.0 }, 0] }]
+numbers."environment.forces.0.force.y.value" = "value * weight"
+success.position_error_mean_continuous = 0.05
+
+[[trials]]
+name = "mass"
+scenario = "case3"
+values = [0.0, 0.02]
+numbers."plant.payload.mass" = "value"
+vary."plant.vehicle.base.mass" = { uniform = [0.7, 0.8] }
+flights = 3
+"""
+
+
+@pytest.fixture
+def file(tmp_path: Path) -> Path:
+    path = tmp_path / "short.toml"
+    path.write_text(SHORT, "utf-8")
+    return path
+
+
+def test_a_trial_flies_every_value_with_the_same_noise_and_draws(file: Path) -> None:
+    (push, mass), refused = load_suite(file).plan_cells()
+    assert refused == {}
+    work = push.work()
+    np.testing.assert_array_equal(work.columns["environment.forces.0.force.y.value"], [0.5, 0.5, 1.0, 1.0])
+    np.testing.assert_array_equal(work.episodes, [0, 1, 0, 1])
+    work = mass.work()
+    drawn = work.columns["plant.vehicle.base.mass"]
+    np.testing.assert_array_equal(drawn[:3], drawn[3:])
+    assert len(set(drawn)) == 3
+    assert 0.7 <= drawn.min() < drawn.max() <= 0.8
+    np.testing.assert_array_equal(work.columns["plant.payload.mass"], [0.0] * 3 + [0.02] * 3)
+
+
+def test_a_cell_flies_as_the_scenario_with_the_same_words_does(file: Path) -> None:
+    """A hover with its entries written by hand, run one flight at a time."""
+    found = fly_suite(load_suite(file, only=["push"]), file.parent / "out")
+    setting = setting_of(duration=1.0)
+    (flights,), _ = load_suite(file, only=["push"]).plan_cells()
+    scenario = flights.scenario()
+    assert scenario.agent.controller == controller_by_name(scenario, "paper_ct")
+    assert scenario.agent.plant.vehicle == setting.truth
+    for value, point in zip((0.5, 1.0), found["trials"]["push"]["laws"]["paper_ct"], strict=True):
+        errors = []
+        for episode in range(2):
+            flown = with_numbers(scenario, {"environment.forces.0.force.y.value": value})
+            log = skyarm.run(dataclasses.replace(flown, episode=episode))
+            errors.append(skyarm.score(log, [NAME])[NAME])
+        assert point["means"][NAME] == pytest.approx(np.mean(errors), rel=1e-9)
+        assert (point["flights"], point["completed"]) == (2, 2)
+
+
+def test_values_go_with_the_weight_of_another_vehicle(file: Path) -> None:
+    (flights,), _ = load_suite(file, only=["push"], vehicle="hexarotor_arm6", laws=("centroidal_tip",)).plan_cells()
+    weight = float(skyarm.load_vehicle("hexarotor_arm6").mass) / float(setting_of().truth.mass)
+    column = flights.work().columns["environment.forces.0.force.y.value"]
+    np.testing.assert_allclose(column, np.repeat([0.5, 1.0], 2) * weight, rtol=1e-12)
+
+
+def test_an_entry_of_the_value_makes_a_scenario_of_each_value(file: Path) -> None:
+    changed = SHORT.replace('{ kind = "constant", value = 0.0 }', '"= 2 * value"')
+    changed = "\n".join(line for line in changed.splitlines() if "force.y.value" not in line)
+    file.write_text(changed, "utf-8")
+    cells, _ = load_suite(file, only=["push"]).plan_cells()
+    assert [number_at(each.scenario(), "environment.forces.0.force.y") for each in cells] == [1.0, 2.0]
+    assert len({each.label for each in cells}) == 2
+
+
+def test_a_success_is_a_flight_within_every_bound(file: Path) -> None:
+    file.write_text(SHORT.replace("= 0.05", "= 1e-9"), "utf-8")
+    suite = load_suite(file, only=["push"])
+    found = fly_suite(suite, file.parent / "out")
+    assert [each["success"] for each in found["trials"]["push"]["laws"]["paper_ct"]] == [0, 0]
+    assert "| paper_ct | 0 of 2; " in suite.report(found).markdown()
+
+
+def test_a_law_that_does_not_fit_is_named_and_the_others_fly(file: Path) -> None:
+    suite = load_suite(file, laws=("own", "paper_ct"))
+    cells, refused = suite.plan_cells()
+    assert refused == {"own in push": "flies trials with a scenario, whose own law it is"}
+    assert {each.name[1:] for each in cells} == {("push", "paper_ct"), ("mass", "own"), ("mass", "paper_ct")}
+    own = next(each for each in cells if each.entrant.name == "own")
+    assert own.scenario().agent.controller == skyarm.load_scenario("case3", duration=1.0).agent.controller
+
+
+def test_python_and_the_command_take_the_file_and_a_repeated_call_flies_nothing(file: Path) -> None:
+    assert isinstance(suite_of(file, ["paper_ct"], "laws"), FileSuite)
+    out, told = file.parent / "out", list[int]()
+    results = compare(file, ["paper_ct"], out, only=["mass"])
+    assert json.loads((out / "suite.json").read_text("utf-8")) == results.document
+    stamps = {path: path.stat().st_mtime_ns for path in (out / "rows").iterdir()}
+    again = compare(file, ["paper_ct"], out, only=["mass"], progress=lambda *_: told.append(1))
+    assert again.document == results.document
+    assert {path: path.stat().st_mtime_ns for path in (out / "rows").iterdir()} == stamps
+
+
+def test_the_example_plans_on_three_vehicles() -> None:
+    for vehicle in ("", "hexarotor_arm6", "quadrotor_roll_arm2"):
+        suite = load_suite(EXAMPLE, vehicle=vehicle, only=["load"])
+        cells, refused = suite.plan_cells()
+        assert refused == {}
+        assert [len(each.points) for each in cells] == [3, 3]
+
+
+WRONG = {
+    "suite.colour = 'red'": ("[suite]", '[suite]\ncolour = "red"'),
+    "suite.laws = 'paper_ctt': did you mean": ('["paper_ct"]', '["paper_ctt"]'),
+    "suite.laws = []: must be a list of one or more": ('["paper_ct"]', "[]"),
+    "suite.title = 3: must be text": ('"Short"', "3"),
+    "trials = []: must be one or more tables": (SHORT[SHORT.index("[[trials]]") :], ""),
+    "trials[1].name: is missing": ('name = "mass"\n', ""),
+    "trials[push].name = 'push': must be of one trial alone": ('name = "mass"', 'name = "push"'),
+    "trials[push].base = 'slow_circl': did you mean 'slow_circle'": ('"slow_circle"', '"slow_circl"'),
+    "trials[push].arm = 3": ('"gentle"', "3"),
+    "trials[push].values = [1.0, 1.0]": ("[0.5, 1.0]", "[1.0, 1.0]"),
+    "trials[push].values = '1': must be a list of numbers": ("[0.5, 1.0]", '"1"'),
+    "trials[push].noisy = 'yes'": ("noisy = true", 'noisy = "yes"'),
+    "trials[push].flights = 0: must be a whole number from 1": ("flights = 2", "flights = 0"),
+    "'wait' must be a named number; did you mean 'weight'": ("value * weight", "value * wait"),
+    "trials[push]: path = 'environment.forces.0.force.w.value': no 'w' here": ("force.y.value", "force.w.value"),
+    "trials[push]: metrics: 'tip_eror': must be one of": ("position_error_mean_continuous", "tip_eror"),
+    "trials[push]: enviroment": ("entries.environment", "entries.enviroment"),
+    "entries = '{eas}': did you mean 'ease'": ('{ kind = "constant", value = 0.0 }', '"{eas}"'),
+    "trials[mass]: scenario = 'case33': did you mean 'case3'": ('"case3"', '"case33"'),
+    "trials[mass].base: must be left out beside scenario": ('"case3"', '"case3"\nbase = "circle"'),
+    "must have exactly one of uniform": ("uniform", "unifrm"),
+    "body.mass = -": ("[0.7, 0.8]", "[-1.0, -0.5]"),
+    "must be an expression, as": ('"value"\n', "3.0\n"),
+    "must not stand under numbers as well": ('vary."plant.vehicle.base.mass"', 'vary."plant.payload.mass"'),
+    "trials[push].duration = -1: must be above 0": ("noisy = true", "noisy = true\nduration = -1"),
+    "windows.steady = [4, 90) s: must end": ("noisy = true", "noisy = true\nwindows = { steady = [4, 90] }"),
+    "suite: must be a suite file, and this is a scenario file, for 'skyarm run'": ("[suite]", "[plant]"),
+}
+
+
+@pytest.mark.parametrize("words", WRONG)
+def test_a_wrong_file_is_one_line(file: Path, words: str) -> None:
+    before, after = WRONG[words]
+    assert before in SHORT
+    file.write_text(SHORT.replace(before, after, 1), "utf-8")
+    with pytest.raises(ValueError, match=re.escape(words)) as error:
+        load_suite(file).plan_cells()
+    assert str(error.value).startswith(f"{file}: ")
+    assert "\n" not in str(error.value)
+
+
+def test_only_takes_names_of_trials(file: Path) -> None:
+    with pytest.raises(ValueError, match="--only = 'pull': must be one of push, mass"):
+        load_suite(file, only=["pull"])
