@@ -36,10 +36,12 @@ def test_every_command_shown_runs_one_after_the_other(tmp_path, monkeypatch, cap
 def test_the_python_shown_runs(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     codes = re.findall(r"```python\n(.*?)```", PAGE, re.DOTALL)
-    assert len(codes) == 1
+    assert len(codes) == 2
+    names: dict[str, object] = {}
     for code in codes:
-        exec(compile(code, "logs.md", "exec"), {})
+        exec(compile(code, "logs.md", "exec"), names)
     lines = capsys.readouterr().out.splitlines()
+    assert lines[-1] == "completed (12000, 3)"
     assert lines[0].split()[:2] == ["time", "s"]
     assert lines[1].startswith("position_x m ")
 

@@ -10,7 +10,7 @@ from skyarm.planning.stage import CompiledStage, gap
 from skyarm.records.leaves import leaves, rebuild
 
 
-def ipopt(stage: CompiledStage, problem: PlanProblem, guess: Guess, seconds: float = 200.0) -> tuple[float, float, str]:
+def ipopt(stage: CompiledStage, problem: PlanProblem, guess: Guess, seconds: float = 400.0) -> tuple[float, float, str]:
     """Cost, violation and status of IPOPT from a guess."""
     example = stage.stage.example()
     x, u, row = (
@@ -56,7 +56,7 @@ def ipopt(stage: CompiledStage, problem: PlanProblem, guess: Guess, seconds: flo
             w.append(U[k]), w0.extend(guess.u[k])
             lower.extend([-np.inf] * stage.nu), upper.extend([np.inf] * stage.nu)
     settings = {"hessian_approximation": "limited-memory", "limited_memory_max_history": 20, "tol": 1e-7, "sb": "yes"}
-    settings |= {"max_iter": 1000, "max_wall_time": seconds, "print_level": 0}
+    settings |= {"max_iter": 1000, "max_cpu_time": seconds, "print_level": 0}
     options = {"print_time": 0} | {f"ipopt.{name}": value for name, value in settings.items()}
     solver = ca.nlpsol("plan", "ipopt", {"x": ca.vertcat(*w), "f": cost, "g": ca.vertcat(*rows)}, options)
     found = solver(x0=w0, lbx=lower, ubx=upper, lbg=low, ubg=high)
