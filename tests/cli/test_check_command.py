@@ -86,7 +86,7 @@ def test_a_scenario_is_checked_along_its_reference():
 def test_a_document_holds_every_finding_and_no_number_that_json_lacks():
     done = skyarm("check", "hummingbird", "--json", *FEW)
     found = json.loads(done.out, parse_constant=pytest.fail)
-    keys = {"question", "level", "text", "field", "value", "limit", "unit", "remedy", "joints"}
+    keys = {"question", "level", "text", "field", "value", "limit", "unit", "remedy", "joints", "concerns", "follows"}
     assert all(set(each) == keys for each in found["findings"])
     assert found["can_fly"] is True
     assert {each["level"] for each in found["findings"]} <= {"ok", "note", "warning", "fault"}

@@ -94,7 +94,10 @@ def test_every_option_arrives(asked: list[tuple[Envelope, Path, int]]) -> None:
             ("envelope-suite", "--seeds", "4"),
             "--seeds: must be left out for envelope-suite; it is of paper-suite and team-suite and a scenario",
         ),
-        (("envelope",), "must be one of paper-suite, envelope-suite, survive-suite, contact-suite, team-suite, or a"),
+        (
+            ("envelope",),
+            "must be one of paper-suite, envelope-suite, survive-suite, contact-suite, team-suite, a suite",
+        ),
     ],
 )
 def test_what_it_does_not_know_is_refused_in_one_line(

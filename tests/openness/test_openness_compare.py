@@ -99,7 +99,7 @@ def test_a_shipped_scenario_is_compared_by_its_own_law_and_the_usual_ones(tmp_pa
         (
             ["paper"],
             "suite = 'paper': must be one of paper-suite, envelope-suite, survive-suite, contact-suite, team-suite, "
-            "or a scenario",
+            "a suite or scenario of your own (.toml), or a shipped scenario",
         ),
         (["case3", "--only", "noisy"], "--only: must be left out for scenario case3"),
         (["case3", "--laws", "anlges"], "--laws = 'anlges'"),

@@ -41,7 +41,7 @@ BLOCK = re.compile(r"^<!-- measured: ([\w-]+) -->\n(.*?)^<!-- /measured -->$", r
 LAST = re.compile(r"^skyarm (?P<version>\S+), (?P<machine>[^`]+), (?:`(?P<command>[^`]+)`|no command)\.\n\Z", re.M)
 SCRIPT = re.compile(r"\b(?:tests|examples|research)/[\w/.-]+\.py\b")
 RULE = re.compile(r"\|[\s:|-]+\|$")
-ROOMS = (TESTS, TESTS / "website", TESTS / "studies" / "bench", TESTS / "studies" / "identify")
+ROOMS = (TESTS, TESTS / "website", TESTS / "studies" / "bench", TESTS / "identify")
 """Folders besides that of a script where it finds modules."""
 
 

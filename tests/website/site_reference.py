@@ -23,7 +23,8 @@ ROOMS = {
     "log": "Logs and metrics",
     "flight_data": "Measured flights",
     "view": "Pictures",
-    "studies": "Sweeps, margins and identification",
+    "identify": "Identification",
+    "studies": "Sweeps, comparisons, gains and margins",
     "paper": "The paper",
     "records": "Adding to the library",
 }

@@ -251,7 +251,7 @@ def test_comments_around_tables_stay_and_each_table_is_replaced_in_its_place() -
 
 
 def test_the_digest_follows_imports() -> None:
-    script = ROOT / "tests" / "studies" / "identify" / "measure_lags.py"
+    script = ROOT / "tests" / "identify" / "measure_lags.py"
     assert {"planted_lags.py", "measured_tables.py"} <= {path.name for path in modules(script)}
 
 

@@ -71,7 +71,7 @@ def compare(
     suite: Annotated[
         str,
         typer.Argument(
-            help="paper-, envelope-, survive-, contact-, team-suite, your suite (.toml), or a scenario",
+            help="paper-, envelope-, survive-, contact-, team-suite, your suite or a scenario",
             autocompletion=name_completion("suite", "scenario"),
         ),
     ] = SUITE,
@@ -80,9 +80,7 @@ def compare(
     only: Annotated[str | None, typer.Option(metavar="NAME,...", help="conditions, axes or tasks, with commas")] = None,
     vehicle: Annotated[
         str,
-        typer.Option(
-            help="with an arm; of envelope-, survive-suite or yours", autocompletion=name_completion("vehicle")
-        ),
+        typer.Option(help="with an arm; of suites for any vehicle", autocompletion=name_completion("vehicle")),
     ] = PAPER,
     scenario: Annotated[
         str,

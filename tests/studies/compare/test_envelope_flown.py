@@ -51,7 +51,7 @@ def test_a_lane_is_the_flight_of_its_value_with_the_tip_of_a_level_base(flown):
     (planned_cell,) = axis_flights("paper_ct", QUICK.axis("circle"), setting)
     easiest = planned_cell.scenario()
     speed = planned_cell.points[-1]
-    log = skyarm.run(with_numbers(easiest, axis.numbers(setting, speed)))
+    log = skyarm.run(with_numbers(easiest, axis.numbers_of(setting, speed)))
     vehicle = setting.truth
     level = np.zeros((len(log.time), 4))
     level[:, 0] = 1.0

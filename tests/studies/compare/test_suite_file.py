@@ -159,6 +159,7 @@ WRONG = {
     "'wait' must be a named number; did you mean 'weight'": ("value * weight", "value * wait"),
     "trials[push]: path = 'environment.forces.0.force.w.value': no 'w' here": ("force.y.value", "force.w.value"),
     "trials[push]: metrics: 'tip_eror': must be one of": ("position_error_mean_continuous", "tip_eror"),
+    "suite.metrics = 'standard': must be a metric, not a group": ("[suite]", '[suite]\nmetrics = ["standard"]'),
     "trials[push]: enviroment": ("entries.environment", "entries.enviroment"),
     "entries = '{eas}': did you mean 'ease'": ('{ kind = "constant", value = 0.0 }', '"{eas}"'),
     "trials[mass]: scenario = 'case33': did you mean 'case3'": ('"case3"', '"case33"'),
@@ -182,6 +183,19 @@ def test_a_wrong_file_is_one_line(file: Path, words: str) -> None:
         load_suite(file).plan_cells()
     assert str(error.value).startswith(f"{file}: ")
     assert "\n" not in str(error.value)
+
+
+def test_of_several_vehicles_the_largest_counts_or_the_one_that_is_named(file: Path) -> None:
+    names = ["ee_error_mean_continuous", "left/ee_error_mean_continuous", "right/ee_error_mean_continuous"]
+    file.write_text(
+        f'[suite]\nlaws = ["own"]\nmetrics = {json.dumps(names)}\nduration = 0.5\n'
+        '[[trials]]\nname = "bar"\nscenario = "two_carry_a_bar"\n',
+        "utf-8",
+    )
+    found = fly_suite(load_suite(file), file.parent / "out")
+    (point,) = found["trials"]["bar"]["laws"]["own"]
+    largest, left, right = (point["means"][name] for name in names)
+    assert largest == max(left, right)
 
 
 def test_only_takes_names_of_trials(file: Path) -> None:

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from skyarm.control.controller import ControllerError
-from skyarm.log.metrics.metric_catalogue import metric_words, row_names
+from skyarm.log.metrics.metric_catalogue import GROUPS, metric_words, row_names
 from skyarm.log.metrics.windows import Windows
 from skyarm.records.arrays import AnyArray as Array
 from skyarm.records.arrays import Mask
@@ -251,7 +251,8 @@ MEANING = "Means over the flights that came to their end. Where some did not suc
 def _point(cell: Cell, rows: slice, metrics: Sequence[str], trial: SuiteTrial) -> Document:
     """Results of one law at one value; of several vehicles the largest of theirs."""
     flown, wanted = cell.completed[rows], (*metrics, *trial.success)
-    numbers = {name: np.max([each[rows] for each in values_of(cell.metrics, name)], axis=0) for name in wanted}
+    columns = {name: [cell.metrics[name]] if name in cell.metrics else values_of(cell.metrics, name) for name in wanted}
+    numbers = {name: np.max([each[rows] for each in several], axis=0) for name, several in columns.items()}
     with np.errstate(invalid="ignore"):
         good: Mask = np.all([flown, *(numbers[name] <= most for name, most in trial.success.items())], axis=0)
     means = {name: numbers[name][flown & np.isfinite(numbers[name])] for name in metrics}
@@ -304,7 +305,7 @@ def load_suite(path: PathLike, **options: Any) -> FileSuite:
             "title": table.text("title", Path(source).stem),
             "laws": chosen_laws(_texts(table, "laws", LAWS), "suite.laws", (OWN,)),
             "vehicle": table.text("vehicle", ""),
-            "metrics": _texts(table, "metrics", METRICS),
+            "metrics": tuple(_metric(each, "suite.metrics") for each in _texts(table, "metrics", METRICS)),
         }
         usual = {"flights": table.take("flights", 1), "duration": table.take("duration", None)}
         table.done()
@@ -329,6 +330,13 @@ def _texts(table: Fields, name: str, usual: tuple[str, ...]) -> tuple[str, ...]:
         if not isinstance(each, str):
             raise ValueError(f"{table.at(name)} = {shown(each)}: must be {allowed}")
     return tuple(dict.fromkeys(given))
+
+
+def _metric(name: str, at: str) -> str:
+    """Name of a single metric, no group; that a vehicle has it is checked where the flights are planned."""
+    if name in GROUPS:
+        raise ValueError(f"{at} = {shown(name)}: must be a metric, not a group of them")
+    return name
 
 
 def _trial(table: Fields, usual: Record) -> SuiteTrial:
@@ -366,7 +374,7 @@ def _trial(table: Fields, usual: Record) -> SuiteTrial:
         flights=flights,
         duration=None if duration is None else number_of(duration, table.at("duration"), low=0.0, strict=True),
         vary={path: distribution_from(each, vary.at(path)) for path, each in vary.table.items()},
-        success={metric: success.number(metric) for metric in success.table},
+        success={_metric(each, table.at("success")): success.number(each) for each in success.table},
         windows=record_from(Windows, Fields(table.take("windows", {}), table.at("windows"))),
     )
     table.done()

@@ -22,7 +22,7 @@ from skyarm.studies.compare.entrants import Entrant
 from skyarm.studies.compare.faulty_sensors import START
 from skyarm.studies.compare.run_suite import Refused, Suite
 from skyarm.studies.compare.suite import Case, Condition
-from skyarm.studies.compare.survive_trials import CONDITIONS, TRIALS, Trial
+from skyarm.studies.compare.survive_trials import CONDITIONS, TRIALS, SurviveTrial
 from skyarm.studies.trial.facts import PAPER, setting_of
 from skyarm.view.pages import Report, Section, Table, number
 
@@ -102,7 +102,7 @@ class SurviveSuite(Suite[SurviveFlights]):
                 refused[law] = str(error)
         return cells, refused
 
-    def _flights(self, law: str, trial: Trial) -> list[SurviveFlights]:
+    def _flights(self, law: str, trial: SurviveTrial) -> list[SurviveFlights]:
         """Flights of a law in a trial."""
         setting = setting_of(self.vehicle, plant=self.plant)
         common = trial.scenario(setting, law, self.plant, {})

@@ -24,9 +24,8 @@ from skyarm.scenario.scenario_record import Scenario, with_words
 from skyarm.studies.compare.cell_flights import Document
 from skyarm.studies.compare.faulty_sensors import FaultySensors
 from skyarm.studies.compare.suite import library_rows
-from skyarm.studies.trial import trial as motions
 from skyarm.studies.trial.facts import PAPER, Setting
-from skyarm.studies.trial.trial import NOISE, with_entries
+from skyarm.studies.trial.trial import NOISE, Trial, with_entries
 from skyarm.vehicle import Vehicle
 
 MODEL = "hummingbird_arm2"
@@ -37,7 +36,7 @@ HEIGHT, BENT = 4.34, 0.5
 swing from the middle of their range: neither straight nor at a limit."""
 
 
-SLOW_CIRCLE = motions.Trial(name="slow", title="slow circle", unit="", values=(0.0,), base="slow_circle", arm="gentle")
+SLOW_CIRCLE = Trial(name="slow", title="slow circle", unit="", values=(0.0,), base="slow_circle", arm="gentle")
 
 
 @immutable
@@ -97,7 +96,7 @@ def decaying(vehicle: Vehicle, rate: float) -> Array:
 
 
 @immutable
-class Trial:
+class SurviveTrial:
     """Scenario of the survive suite and its conditions.
 
     Attributes:
@@ -147,8 +146,8 @@ class Trial:
         return built.with_controller(controller_by_name(built.with_delays(told), law)).with_delays(late)
 
 
-TRIALS: Mapping[str, Trial] = {
-    row["name"]: Trial(**row | {"conditions": [SurviveCondition(**each) for each in row["conditions"]]})
+TRIALS: Mapping[str, SurviveTrial] = {
+    row["name"]: SurviveTrial(**row | {"conditions": [SurviveCondition(**each) for each in row["conditions"]]})
     for row in library_rows("survive_trials")
 }
 """Trials by name."""
