@@ -27,7 +27,7 @@ NOISE = SensorNoise(position=0.001, velocity=0.01, attitude=0.002, rate=0.01, jo
 DELAY = 0.005
 """Age (s) of a measurement in noisy trials, one control period; laws with an option for it receive it."""
 
-MOTIONS: Mapping[str, Mapping[str, Any]] = tomllib.loads(
+MOTIONS: Mapping[str, dict[str, Any]] = tomllib.loads(
     (resources.files("skyarm.studies.trial") / "library" / "motions.toml").read_text("utf-8")
 )
 """Tables "parts", "bases" and "arms": entries of a scenario file by name."""
