@@ -60,7 +60,7 @@ def test_alarms_that_have_nothing_to_do_with_each_other_stay(effect: str, cause:
     assert causes_first(both) == both
 
 
-def test_only_numbers_in_other_units_cause_what_is_more_severe_and_then_are_as_severe() -> None:
+def test_only_numbers_in_other_units_cause_what_is_more_severe() -> None:
     weak = alarm(Concern.SENSES, WARNING)
     assert causes_first([alarm(Concern.THRUST_MARGIN), weak])[0].level == FAULT
     units = finding_of_line("links[forearm].mass = 300 kg: is more than 100; kg, not g?", UNITS, WARNING)
