@@ -39,7 +39,7 @@ SENTENCES = {
     "view.film": "films and recordings",
     "envs": "environments for learning",
     "view.figures": "figures from logs",
-    "studies.trial": "flights like a scenario, but",
+    "studies.trial": "a scenario with changes, judged",
     "studies.stability": "margins of the linearised loop",
     "studies.sweep": "one scenario, many values",
     "view.studio": "the live page",

@@ -245,7 +245,7 @@ class FileSuite(Suite[TrialFlights]):
         )
 
 
-MEANING = "Means over the flights that came to their end. Where some did not succeed: successes of all flights; mean."
+MEANING = "Means over the flights that came to their end, behind the count of successes where some did not."
 
 
 def _point(cell: Cell, rows: slice, metrics: Sequence[str], trial: SuiteTrial) -> Document:
@@ -270,7 +270,7 @@ def _table(entry: Record, metric: str) -> Table:
     factor, unit = (1e3, "mm") if unit == "m" else (1.0, unit)
     values = (f">{value:g} {entry['unit']}".rstrip() for value in entry["values"])
     rows = [[law, *(_cell(each, metric, factor) for each in points)] for law, points in entry["laws"].items()]
-    return Table(head=[f"{words}, {unit}" if unit else words, *values], rows=rows)
+    return Table(head=["law", *values], rows=rows, caption=f"{words}, {unit}" if unit else words)
 
 
 def _cell(point: Record, metric: str, factor: float) -> str:
