@@ -123,6 +123,15 @@ def test_a_law_that_does_not_fit_is_named_and_the_others_fly(file: Path) -> None
     assert own.scenario().agent.controller == skyarm.load_scenario("case3", duration=1.0).agent.controller
 
 
+def test_a_vehicle_without_an_arm_hovers_under_the_laws_that_fit_it(file: Path) -> None:
+    suite = load_suite(file, only=["push"], vehicle="hummingbird", laws=("indi_tuned", "centroidal_tip"))
+    cells, refused = suite.plan_cells()
+    assert [each.entrant.name for each in cells] == ["indi_tuned"]
+    assert "has no end_effector" in refused["centroidal_tip in push"]
+    found = fly_suite(suite, file.parent / "out")
+    assert [each["completed"] for each in found["trials"]["push"]["laws"]["indi_tuned"]] == [2, 2]
+
+
 def test_python_and_the_command_take_the_file_and_a_repeated_call_flies_nothing(file: Path) -> None:
     assert isinstance(suite_of(file, ["paper_ct"], "laws"), FileSuite)
     out, told = file.parent / "out", list[int]()

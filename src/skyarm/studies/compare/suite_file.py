@@ -33,6 +33,7 @@ from skyarm.records.files.fields import filled_list
 from skyarm.records.files.names import is_result_name, require_kind
 from skyarm.records.immutable import immutable
 from skyarm.records.read_table import record_from
+from skyarm.scenario.controller_table import controller_by_name, is_gains_file
 from skyarm.scenario.numbers import require_apart
 from skyarm.scenario.readers import require_plugins
 from skyarm.scenario.scenario_record import Scenario, whole
@@ -86,7 +87,7 @@ class SuiteTrial(Trial):
         """
         if not self.file:
             duration = DURATION if self.duration is None else self.duration
-            return setting_of(suite.vehicle or PAPER, duration, suite.plant, law)
+            return setting_of(suite.vehicle or PAPER, duration, suite.plant, None if law == OWN else law, armed=False)
         given = {"plant": suite.plant, "duration": self.duration, "controller": None if law == OWN else law}
         given = {word: each for word, each in given.items() if each is not None}
         return setting_of_scenario(self.file, Path(suite.source).parent, given)
@@ -200,6 +201,10 @@ class FileSuite(Suite[TrialFlights]):
     def _cells(self, trial: SuiteTrial, law: str) -> list[TrialFlights]:
         if law == OWN and not trial.file:
             raise ControllerError("flies trials with a scenario, whose own law it is")
+        if law != OWN and not is_gains_file(law):
+            given = trial.setting(self, OWN).hover
+            for name in given.agents:
+                controller_by_name(given.of(name), law)  # refuses a law that does not fit the vehicle
         setting, kind = trial.setting(self, law), "noisy" if trial.noisy else "given"
         every = TrialFlights(
             entrant=Entrant(name=law, law=law),

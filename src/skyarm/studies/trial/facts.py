@@ -95,7 +95,12 @@ class Setting:
 
 @lru_cache(maxsize=8)
 def setting_of(
-    vehicle: str = PAPER, duration: float = DURATION, plant: str = "rigid_body", law: str | None = None
+    vehicle: str = PAPER,
+    duration: float = DURATION,
+    plant: str = "rigid_body",
+    law: str | None = None,
+    *,
+    armed: bool = True,
 ) -> Setting:
     """Hover scenario and trial scales of a vehicle given by name or file.
 
@@ -104,13 +109,14 @@ def setting_of(
         duration: s.
         plant: kind of simulated plant.
         law: law in place of a placeholder.
+        armed: whether the vehicle must have an arm with a tip.
 
     Raises:
         VehicleError: no such vehicle.
         ScenarioError: a vehicle without an arm, without a tip or that cannot hover.
     """
     truth = load_vehicle(vehicle)
-    _require_arm(vehicle, truth)
+    _require_hover(vehicle, truth, armed)
     middles = [middle for middle, _ in map(_swing_range, truth.joints)]
     reference = {"base": {"kind": "signals", "z": _height(truth)}, "joints": middles}
     given = {"duration": duration, "plant": plant} | ({"controller": law} if law else {})
@@ -152,8 +158,8 @@ def _setting(name: str, document: Mapping[str, Any], folder: Path, given: Mappin
     )
 
 
-def _require_arm(name: str, truth: Vehicle) -> None:
-    if not truth.n or not truth.end_effector:
+def _require_hover(name: str, truth: Vehicle, armed: bool) -> None:
+    if armed and not (truth.n and truth.end_effector):
         raise ScenarioError(f"--vehicle = {shown(name)}: must have an arm with an end_effector{truth.tip_cure}")
     if not _spare_thrust(truth) > 0.0:
         raise ScenarioError(f"--vehicle = {shown(name)}: must be able to hover; 'skyarm check' says why it is not")
