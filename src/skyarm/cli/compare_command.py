@@ -41,7 +41,7 @@ from skyarm.studies.compare.own_scenario import OWN
 from skyarm.studies.compare.run_suite import Suite, fly_suite
 from skyarm.studies.compare.suite import conditions as conditions_of
 from skyarm.studies.compare.survive import SURVIVE
-from skyarm.studies.compare.survive_trials import CONDITIONS as SURVIVED
+from skyarm.studies.compare.survive_trials import TRIALS as SURVIVED
 from skyarm.studies.compare.team_conditions import ROWS
 from skyarm.studies.compare.team_suite import FLOWN, TEAM
 from skyarm.studies.flights.executor import require_place

@@ -17,8 +17,8 @@ from skyarm.scenario.numbers import with_numbers
 from skyarm.sensing.measurement import SensorNoise
 from skyarm.studies.compare.faulty_sensors import SPIKED, START, FaultySensors
 from skyarm.studies.compare.survive import FLAGSHIP, SurviveSuite, survive_rows, worse_conditions
-from skyarm.studies.compare.survive_trials import CONDITIONS, TRIALS, decaying
-from skyarm.studies.trial.facts import PAPER, setting_of
+from skyarm.studies.compare.survive_trials import TRIALS
+from skyarm.studies.trial.facts import PAPER, fading
 from skyarm.vehicle.vehicle_files import load_vehicle
 from support.studies import cell_of
 
@@ -82,14 +82,17 @@ def test_a_vehicle_of_sliding_joints_survives_blows_of_three_metres_per_second()
     assert (laws[FLAGSHIP]["lost"], laws[FLAGSHIP]["of"], laws[ADAPTIVE]["lost"]) == (0, 6, 1)
 
 
-def scenario_of(trial, **made):
-    return TRIALS[trial].scenario(setting_of(PAPER), SIMPLER, "rigid_body", made)
+def flights_of(name, value, law=SIMPLER):
+    """Scenario of a trial, and the numbers of its flights at a value."""
+    trial = TRIALS[name]
+    setting = trial.setting(PAPER, "rigid_body")
+    return trial.under(setting, law, value), trial.flights(setting, value)
 
 
 def test_a_blow_makes_the_base_faster_by_its_value_within_a_period():
-    scenario = scenario_of("blows")
+    scenario, flights = flights_of("bump", 0.3)
     directions = np.vstack([[k, -k] for k in np.eye(3)])
-    for direction, numbers in zip(directions, CONDITIONS["bump"].flights(scenario, 0.3), strict=True):
+    for direction, numbers in zip(directions, flights, strict=True):
         log = skyarm.run(with_numbers(scenario, numbers))
         before, after = (int(np.argmin(np.abs(log.time - t))) for t in (2.0, 2.005))
         # the arm hangs on a joint and follows later: the base alone is a little faster
@@ -115,38 +118,39 @@ def test_damping_of_one_lets_the_fastest_motion_fall_to_a_fraction_e_within_a_pe
     M = np.array(mass_matrix(vehicle, Mat3.identity(), (0.0,) * vehicle.n), dtype=float)
     # the base is free: what the joints move is the Schur complement
     moved = M[6:, 6:] - M[6:, :6] @ np.linalg.solve(M[:6, :6], M[:6, 6:])
-    damping = decaying(vehicle, 200.0)
+    damping = np.array(fading(vehicle, 200.0))
     assert eigh(np.diag(damping), moved, eigvals_only=True).max() == pytest.approx(200.0)
     assert damping / damping[0] == pytest.approx((1 / np.diag(np.linalg.inv(M))[6:]) * np.linalg.inv(M)[6, 6])
 
 
 def test_masses_and_thrust_are_times_those_of_the_file():
-    scenario = scenario_of("circle")
-    (masses,), (thrust,) = (CONDITIONS[name].flights(scenario, 0.7) for name in ("masses", "thrust"))
+    (scenario, (masses,)), (_, (thrust,)) = (flights_of(name, 0.7) for name in ("masses", "thrust"))
     truth = with_numbers(scenario, masses).agent.plant.vehicle
     assert float(truth.mass) == pytest.approx(0.7 * float(scenario.agent.plant.vehicle.mass))
     assert len(masses) == 3
     assert len(thrust) == 4
-    (load,) = CONDITIONS["payload"].flights(scenario, 0.05)
+    _, (load,) = flights_of("payload", 0.05)
     assert load["plant.payload.mass"] == pytest.approx(0.05 * float(scenario.agent.plant.vehicle.mass))
 
 
 def test_a_law_that_is_told_wrongly_flies_with_the_true_delay():
-    numbers = ({"told": 0.045}, {"late": 0.03}, {"told": 0.02, "late": 0.02})
-    told, late, both = (scenario_of("delays", **each) for each in numbers)
-    assert [each.agent.delays.measurement for each in (told, late, both)] == [0.005, 0.03, 0.02]
-    flagship = TRIALS["delays"].scenario(setting_of(PAPER), FLAGSHIP, "rigid_body", {"told": 0.045})
-    plain = TRIALS["delays"].scenario(setting_of(PAPER), FLAGSHIP, "rigid_body", {})
-    assert flagship.agent.controller != plain.agent.controller
+    numbers = {"told": 0.045, "late": 0.03, "late_told": 0.02}
+    laws, delays = {}, {}
+    for name, value in numbers.items():
+        scenario, flights = flights_of(name, value, FLAGSHIP)
+        assert flights == [{}]
+        laws[name], delays[name] = scenario.agent.controller, scenario.agent.delays.measurement
+    assert delays == {"told": 0.005, "late": 0.03, "late_told": 0.02}
+    assert laws["late"] == flights_of("told", 0.005, FLAGSHIP)[0].agent.controller
+    assert laws["told"] == flights_of("late_told", 0.045, FLAGSHIP)[0].agent.controller != laws["late"]
 
 
 def test_damping_that_the_model_has_is_in_the_law_and_in_the_truth():
-    scenario = scenario_of("stiff")
-    (numbers,) = CONDITIONS["damping_known"].flights(scenario, 3.0)
-    made = scenario_of("stiff", **numbers)
-    vehicles = (made.agent.plant.vehicle, made.agent.controller.par.model.vehicle)
+    scenario, _ = flights_of("damping_known", 3.0)
+    _, (numbers,) = flights_of("damping", 3.0)
+    vehicles = (scenario.agent.plant.vehicle, scenario.agent.controller.par.model.vehicle)
     dampings = [[float(link.joint.damping) for link in vehicle.links] for vehicle in vehicles]
-    assert dampings[0] == dampings[1] == list(numbers.values())[:2]
+    assert dampings[0] == dampings[1] == list(numbers.values())
 
 
 def readings(sensors, count=425, draws=(0.5, 0.5)):
@@ -204,7 +208,7 @@ def test_any_vehicle_with_an_arm_is_planned_and_any_law():
     suite = SurviveSuite(laws=("centroidal_tip", "paper_ct", "indi"), vehicle="octo_coaxial_two_arms")
     todo, refused = suite.plan_cells()
     assert list(refused) == ["paper_ct"]
-    assert len({each.label for each in todo}) == len(todo) == 2 * sum(len(each.values) for each in CONDITIONS.values())
+    assert len({each.label for each in todo}) == len(todo) == 2 * sum(len(each.values) for each in TRIALS.values())
     noisy = next(each for each in todo if each.condition.name == "frozen 0.2 s")
     assert (len(noisy.lanes), noisy.near) == (3, 0.5)
 

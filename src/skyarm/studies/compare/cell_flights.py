@@ -22,7 +22,7 @@ from skyarm.scenario.in_flight import is_traceable
 from skyarm.scenario.numbers import with_numbers
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.studies.compare.entrants import Entrant
-from skyarm.studies.compare.perturbed_plants import draw
+from skyarm.studies.compare.perturbed_plants import draw, hardest
 from skyarm.studies.compare.suite import Case, Condition
 from skyarm.studies.flights import Rows, Work
 from skyarm.studies.sweep.intervals import bootstrap_mean, quantiles, wilson
@@ -138,7 +138,7 @@ class CellFlights:
             metrics=self.metric_names(scenario.setpoints),
             windows=self.case.windows,
             seed=self.seed,
-            stiffest=with_numbers(scenario, hardest) if (hardest := self.stiffest(values)) else None,
+            stiffest=with_numbers(scenario, stiff) if (stiff := hardest(scenario, values)) else None,
             effort=0 if count <= FEW else 2,
             alone=self.alone(scenario),
         )
@@ -172,10 +172,6 @@ class CellFlights:
     def trials(self, count: int) -> Array:
         """Index of each flight (count,), which identifies its perturbed plant or noise seed."""
         return np.arange(count, dtype=float)
-
-    def stiffest(self, values: Mapping[str, Array]) -> dict[str, float]:
-        """Values that require the shortest integration step among all flights, by parameter path."""
-        return {path: float(column.max()) for path, column in values.items() if path.endswith((".damping", ".coulomb"))}
 
     def metric_names(self, setpoints: Mapping[str, Sequence[bool]]) -> tuple[str, ...]:
         """Names of the metrics to compute: common ones, joint torques, user-registered ones and those of the suite.

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import re
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from functools import lru_cache
@@ -65,25 +64,6 @@ class ContactFlights(CellFlights):
         """Perturbed surroundings and plants of the flights: parameter path -> values (flights,)."""
         count = self.episodes(scenario)
         return {path: column[:count] for path, column in self.worlds().values.items()}
-
-    def stiffest(self, values: Mapping[str, Array]) -> dict[str, float]:
-        """Parameter values that require the shortest integration steps, such as the hardest surface.
-
-        Stiffness k and friction mu need steps by k and by k mu. With the largest k, the mu that makes the largest k mu
-        of any world needs the shortest step of all worlds, and none that is shorter.
-        """
-        extremes = super().stiffest(values)
-        for path, column in values.items():
-            if path.endswith(".material.stiffness"):
-                hardest = extremes[path] = float(column.max())
-                rough = path.removesuffix("stiffness") + "friction"
-                if rough in values:
-                    extremes[rough] = float((column * values[rough]).max()) / hardest
-            if re.fullmatch(r"world\.grippers\.\w+\.stiffness", path):
-                extremes[path] = float(column.max())
-            if re.fullmatch(r"world\.objects\.\w+\.mass", path):
-                extremes[path] = float(column.min())
-        return extremes
 
 
 @lru_cache(maxsize=64)

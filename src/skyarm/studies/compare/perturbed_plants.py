@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+import re
+from collections.abc import Mapping
 
 import numpy as np
 
@@ -87,6 +89,34 @@ def draw(scenario: Scenario, spread: Spread, count: int, *, seed: int) -> dict[s
     for axis, part in zip("xyz", on_sphere(height, math.pi * turn), strict=True):
         values[f"environment.wind.force_W.{axis}"] = force * part
     return values
+
+
+FRICTION_PATHS, OBJECT = (".damping", ".coulomb"), re.compile(r"world\.objects\.\w+\.mass")
+"""Ends of the paths of numbers that make joints and grasps stiffer; paths of masses that touch."""
+
+
+def hardest(scenario: Scenario, columns: Mapping[str, Array]) -> dict[str, float]:
+    """Numbers that need the shortest integration steps of all flights, by parameter path.
+
+    Stiffness k and friction mu of a surface need steps by k and by k mu. With the largest k, the mu that makes the
+    largest k mu of any flight needs the shortest step of all, and none that is shorter.
+
+    Args:
+        scenario: what the flights have in common.
+        columns: parameter path -> values (flights,).
+    """
+    extremes = dict[str, float]()
+    for path, column in columns.items():
+        if path.endswith(FRICTION_PATHS) or (path.startswith("world.grippers.") and path.endswith(".stiffness")):
+            extremes[path] = float(column.max())
+        elif path.endswith(".material.stiffness"):
+            most = extremes[path] = float(column.max())
+            rough = path.removesuffix("stiffness") + "friction"
+            if rough in columns:
+                extremes[rough] = float((column * columns[rough]).max()) / most
+        elif OBJECT.fullmatch(path):
+            extremes[path] = min(number_at(scenario, path), float(column.min()))
+    return extremes
 
 
 def on_sphere(height: Array, azimuth: Array) -> tuple[Array, Array, Array]:

@@ -43,10 +43,9 @@ from skyarm.studies.compare.own_scenario import OWN
 from skyarm.studies.compare.run_suite import Refused, Suite
 from skyarm.studies.compare.suite import Case, Condition
 from skyarm.studies.flights import Work
-from skyarm.studies.sweep.design import values
+from skyarm.studies.sweep.design import Draws, values
 from skyarm.studies.sweep.distributions import Distribution, distribution_from
 from skyarm.studies.sweep.plan import fastest_plant
-from skyarm.studies.sweep.study import Study
 from skyarm.studies.trial.facts import DURATION, PAPER, Setting, setting_of, setting_of_scenario
 from skyarm.studies.trial.trial import MOTIONS, Trial
 from skyarm.view.pages import Report, Section, Table, number
@@ -119,10 +118,7 @@ class TrialFlights(CellFlights):
         """Numbers of the flights: parameter path -> values (flights,)."""
         count, rows = self.trial.flights, [self.trial.numbers_of(self.setting, value) for value in self.points]
         numbers = {path: np.repeat([row[path] for row in rows], count) for path in rows[0]}
-        study = Study(
-            name=self.trial.name, scenarios={}, vary=self.trial.vary, episodes=count, seed=self.seed, document={}
-        )
-        drawn = values(study, np.arange(count)) if self.trial.vary else {}
+        drawn = values(Draws(vary=self.trial.vary, episodes=count, seed=self.seed), np.arange(count))
         return numbers | {path: np.tile(column, len(self.points)) for path, column in drawn.items()}
 
     def episodes(self, scenario: Scenario) -> int:

@@ -6,6 +6,8 @@ All conditions of a trial are lanes of one compiled program.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from itertools import groupby
 
 import numpy as np
 
@@ -22,8 +24,8 @@ from skyarm.studies.compare.entrants import Entrant
 from skyarm.studies.compare.faulty_sensors import START
 from skyarm.studies.compare.run_suite import Refused, Suite
 from skyarm.studies.compare.suite import Case, Condition
-from skyarm.studies.compare.survive_trials import CONDITIONS, TRIALS, SurviveTrial
-from skyarm.studies.trial.facts import PAPER, setting_of
+from skyarm.studies.compare.survive_trials import TRIALS, SurviveTrial
+from skyarm.studies.trial.facts import PAPER
 from skyarm.view.pages import Report, Section, Table, number
 
 SURVIVE = "survive-suite"
@@ -50,10 +52,10 @@ WORST = "gust_ee_error_max_continuous"
 
 @immutable(slots=False)
 class SurviveFlights(CellFlights):
-    """Flights of one law at one value of a condition; all values of a trial share a compiled program.
+    """Flights of one law at one value of a trial; all values of a group of trials share a compiled program.
 
     Attributes:
-        built: scenario of the trial. paths: numbers that flights of the trial vary, with those of the scenario.
+        built: scenario of the trial. paths: numbers that flights of the group vary, with those of the scenario.
         lanes: numbers of each flight. near: largest mean tip error at the end of a flight that is not lost, m.
     """
 
@@ -78,12 +80,12 @@ class SurviveSuite(Suite[SurviveFlights]):
     """Benchmark that counts the flights that laws do not survive.
 
     Attributes:
-        laws: names, in order. conditions: names, in order. vehicle: name or file. seed: seed of the noise.
-        plant: kind of plant. quick: the hardest value of each condition only, without repetition.
+        laws: names, in order. conditions: names of trials, in order. vehicle: name or file. seed: seed of the noise.
+        plant: kind of plant. quick: the hardest value of each trial only, without repetition.
     """
 
     laws: tuple[str, ...] = LAWS
-    conditions: tuple[str, ...] = tuple(CONDITIONS)
+    conditions: tuple[str, ...] = tuple(TRIALS)
     vehicle: str = PAPER
     seed: int = 0
     plant: str = "rigid_body"
@@ -95,47 +97,47 @@ class SurviveSuite(Suite[SurviveFlights]):
     def plan_cells(self) -> tuple[list[SurviveFlights], dict[str, str]]:
         """All flights of the suite, and reasons why a law is excluded."""
         cells, refused = list[SurviveFlights](), dict[str, str]()
+        chosen = [trial for trial in TRIALS.values() if trial.name in self.conditions]
         for law in self.laws:
             try:
-                cells += [flights for trial in TRIALS.values() for flights in self._flights(law, trial)]
+                for _, group in groupby(chosen, key=lambda trial: trial.group):
+                    cells += self._flights(law, list(group))
             except ControllerError as error:
                 refused[law] = str(error)
         return cells, refused
 
-    def _flights(self, law: str, trial: SurviveTrial) -> list[SurviveFlights]:
-        """Flights of a law in a trial."""
-        setting = setting_of(self.vehicle, plant=self.plant)
-        common = trial.scenario(setting, law, self.plant, {})
-        points = [
-            (each, value, each.flights(common, value))
-            for each in trial.conditions
-            if each.name in self.conditions
-            for value in (each.values[-1:] if self.quick else each.values)
-        ]
-        varied = (path for each, _, lanes in points if not each.made for numbers in lanes for path in numbers)
-        usual = {path: number_at(common, path) for path in varied}
-        end, noises = trial.duration, NOISES if trial.noisy and not self.quick else 1
-        windows = Windows(steady=Window(end - LAST, end), gust=Window(START, end))
-        cells = list[SurviveFlights]()
-        for each, value, once in points:
-            lanes = tuple(once * noises)
-            row = f"{each.name.replace('_', ' ')} {value:g} {each.unit}".rstrip()
-            cells.append(
-                SurviveFlights(
-                    entrant=Entrant(name=law, law=law),
-                    case=Case(name=trial.name, title=trial.name, scenario=self.vehicle, windows=windows),
-                    condition=Condition(
-                        name=row, title=each.title, noisy=trial.noisy, episodes=len(lanes), cases=(trial.name,)
-                    ),
-                    plant=self.plant,
-                    seed=self.seed,
-                    built=trial.scenario(setting, law, self.plant, lanes[0]) if each.made else common,
-                    paths={} if each.made else usual,
-                    lanes=lanes,
-                    near=each.near,
+    def _flights(self, law: str, trials: Sequence[SurviveTrial]) -> list[SurviveFlights]:
+        """Flights of a law in the trials of a group."""
+        cells, end, setting = list[SurviveFlights](), trials[0].duration, trials[0].setting(self.vehicle, self.plant)
+        windows, common = Windows(steady=Window(end - LAST, end), gust=Window(START, end)), None
+        for trial in trials:
+            for value in trial.values[-1:] if self.quick else trial.values:
+                once, row = trial.flights(setting, value), f"{trial.name.replace('_', ' ')} {value:g} {trial.unit}"
+                lanes = tuple(once * (NOISES if trial.noisy and not self.quick else 1))
+                # flights that differ in numbers share the scenario, and so the program, of their group
+                built = common if common and any(once) else trial.under(setting, law, value)
+                common = built if any(once) else common
+                cells.append(
+                    SurviveFlights(
+                        entrant=Entrant(name=law, law=law),
+                        case=Case(name=trial.group, title=trial.group, scenario=self.vehicle, windows=windows),
+                        condition=Condition(
+                            name=row.rstrip(),
+                            title=trial.title,
+                            noisy=trial.noisy,
+                            episodes=len(lanes),
+                            cases=(trial.group,),
+                        ),
+                        plant=self.plant,
+                        seed=self.seed,
+                        built=built,
+                        paths={path: number_at(built, path) for numbers in once for path in numbers},
+                        lanes=lanes,
+                        near=trial.near,
+                    )
                 )
-            )
-        return cells
+        shared = {path: own for cell in cells for path, own in cell.paths.items()}
+        return [replace(cell, paths=shared) if cell.paths else cell for cell in cells]
 
     def judge(self, todo: Sequence[SurviveFlights], cells: Sequence[Cell], refused: Refused) -> Document:
         """Evaluate the suite: flights, lost ones, why, and largest tip error (m) of the others, by value and law."""

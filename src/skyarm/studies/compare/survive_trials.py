@@ -1,6 +1,6 @@
 """Trials of the survive suite: blows, failing sensors, wrong and stiff plants, landings and half turns of any vehicle.
 
-The trials and their conditions are in ``library/survive_trials.toml``, whose first lines say what its words mean.
+The trials are in ``library/survive_trials.toml``, whose first lines say what its words mean.
 """
 
 from __future__ import annotations
@@ -8,149 +8,92 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import field, replace
 
-import numpy as np
-
-from skyarm.algebra import Mat3
-from skyarm.dynamics import mass_matrix
 from skyarm.log.metrics.shortfall import LARGEST_ERROR
-from skyarm.records.arrays import Array
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import parts
 from skyarm.reference import Constant
 from skyarm.scenario.controller_table import controller_by_name
-from skyarm.scenario.numbers import number_at, with_numbers
-from skyarm.scenario.scenario_file import scenario_from
+from skyarm.scenario.numbers import with_numbers
 from skyarm.scenario.scenario_record import Scenario, with_words
 from skyarm.studies.compare.cell_flights import Document
 from skyarm.studies.compare.faulty_sensors import FaultySensors
 from skyarm.studies.compare.suite import library_rows
-from skyarm.studies.trial.facts import PAPER, Setting
-from skyarm.studies.trial.trial import NOISE, Trial, with_entries
-from skyarm.vehicle import Vehicle
+from skyarm.studies.trial.facts import PAPER, Setting, setting_of
+from skyarm.studies.trial.trial import Maker, Trial, with_entries
 
 MODEL = "hummingbird_arm2"
 """Nominal model of the paper's vehicle; that of another vehicle is the vehicle."""
 
-HEIGHT, BENT = 4.34, 0.5
-"""Height (m) of the hover: skids are 1.2 m above the surfaces of the landing; and joints in it, as a share of their
-swing from the middle of their range: neither straight nor at a limit."""
+HEIGHT = 4.34
+"""Height (m) of the base: skids are 1.2 m above the surfaces of the landing."""
 
 
-SLOW_CIRCLE = Trial(name="slow", title="slow circle", unit="", values=(0.0,), base="slow_circle", arm="gentle")
+def faulty_sensors(built: Scenario, setting: Setting, value: float) -> Scenario:
+    """Scenario whose sensors can fail, beside their noise."""
+    return with_words(built, noise=FaultySensors(**parts(built.agent.noise)))
+
+
+def known_damping(built: Scenario, setting: Setting, value: float) -> Scenario:
+    """Scenario whose joints are damped, and whose model has that damping."""
+    paths = ("plant.vehicle.links.{}.joint.damping", "model.vehicle.links.{}.joint.damping")
+    numbers = {path.format(i): value * each for path in paths for i, each in enumerate(setting.damping)}
+    return with_numbers(faulty_sensors(built, setting, value), numbers)
+
+
+MADE: Mapping[str, Maker] = {"faulty_sensors": faulty_sensors, "known_damping": known_damping}
+"""Makers of trials that no entries of a file describe."""
 
 
 @immutable
-class SurviveCondition:
-    """Condition of a trial: the numbers in which its flights differ.
+class SurviveTrial(Trial):
+    """Trial of the survive suite, values from mild to hard.
 
     Attributes:
-        name: short name. title: one line, before the value. unit: of the values.
-        values: values from mild to hard. each: tables, path -> factor on value and scale; one flight for each.
-        scale: "blow", "damping", "mass", "nominal", or empty for 1.
-        made: true if law and loop are made with the numbers; "told" is then the delay that the law knows, "late" the
-            age of the measurements, s.
+        group: name of the trials whose flights share a program. duration: s.
+        each: numbers of each flight at a value, as of a trial.
+        known: entries with which the law is made in place of the scenario's.
         near: largest mean tip error at the end of a flight that is not lost, m.
     """
 
-    name: str
-    title: str
-    values: Sequence[float]
-    each: Sequence[Mapping[str, float]]
-    unit: str = ""
-    scale: str = ""
-    made: bool = False
+    group: str
+    duration: float
+    arm: str = "bent"
+    each: Sequence[Mapping[str, str]] = ({},)
+    known: Document = field(default_factory=dict)
     near: float = LARGEST_ERROR
 
-    def flights(self, scenario: Scenario, value: float) -> list[dict[str, float]]:
-        """Numbers of the flights at one value: parameter path -> number, of each table."""
-        vehicle, rate = scenario.agent.vehicle, scenario.rates.control
-        mass, damping = float(vehicle.mass), decaying(vehicle, rate)
-        scales = {"": 1.0, "mass": mass, "blow": mass * rate}
-        flights = list[dict[str, float]]()
-        for table in self.each:
-            numbers = dict[str, float]()
-            for pattern, factor in table.items():
-                several = vehicle.rotors if ".rotors." in pattern else vehicle.links
-                for i, _ in enumerate(several if "*" in pattern else several[:1]):
-                    path = pattern.replace("*", str(i))
-                    if self.scale == "nominal":
-                        scale = number_at(scenario, path)
-                    else:
-                        scale = float(damping[i]) if self.scale == "damping" else scales[self.scale]
-                    numbers[path] = factor * value * scale
-            flights.append(numbers)
-        return flights
+    makers = MADE
 
+    def setting(self, vehicle: str, plant: str) -> Setting:
+        """Vehicle by name or file in a hover with its own model."""
+        usual = setting_of(vehicle, self.duration, plant)
+        high = replace(usual.hover.agent.reference, z=Constant(HEIGHT))
+        document = {
+            "name": self.group,
+            "plant": {"vehicle": vehicle},
+            "controller": {"law": "centroidal", "bandwidth": 1.0},
+            "environment": {"ground": False},
+        }
+        model = {"model": {"vehicle": MODEL}} if vehicle == PAPER else {}
+        return replace(usual, document=document | model, hover=usual.hover.with_reference(high))
 
-def decaying(vehicle: Vehicle, rate: float) -> Array:
-    """Damping (joints,) in proportion to what each joint moves, of which the fastest motion decays at a rate (1/s).
-
-    What a joint moves is 1 / (M^-1)_ii, base and other joints free; of one joint the damping is rate / (M^-1)_ii.
-    """
-    M = np.array(mass_matrix(vehicle, Mat3.identity(), vehicle.zeros), dtype=float)
-    mobility = np.linalg.inv(M)[6:, 6:]
-    inertia = 1.0 / np.diag(mobility)
-    fastest = np.abs(np.linalg.eigvals(mobility * inertia)).max()
-    damping: Array = rate / fastest * inertia
-    return damping
-
-
-@immutable
-class SurviveTrial:
-    """Scenario of the survive suite and its conditions.
-
-    Attributes:
-        name: short name. duration: s. motion: "hover" or "circle". noisy: noise, and sensors that can fail.
-        tables: entries of a scenario file. conditions: what its flights differ in.
-    """
-
-    name: str
-    duration: float
-    conditions: Sequence[SurviveCondition]
-    motion: str = "hover"
-    noisy: bool = False
-    tables: Document = field(default_factory=dict)
-
-    def scenario(self, setting: Setting, law: str, plant: str, made: Mapping[str, float]) -> Scenario:
-        """Scenario that the flights of the trial have in common.
-
-        Args:
-            setting: vehicle and its scales.
-            law: preset, law or file.
-            plant: kind of simulated plant.
-            made: numbers of a condition that is ``made``.
+    def under(self, setting: Setting, law: str, value: float) -> Scenario:
+        """Scenario that the flights at a value have in common, under a law.
 
         Raises:
             ControllerError: the law does not fit the vehicle.
         """
-        bent = [m + BENT * a for m, a in zip(setting.middle, setting.swing, strict=True)]
-        document: Document = {
-            "name": self.name,
-            "duration": self.duration,
-            "plant": {"vehicle": setting.vehicle, "kind": plant},
-            "controller": {"law": "centroidal", "bandwidth": 1.0},
-            "environment": {"ground": False},
-            "reference": {"base": {"kind": "signals", "z": HEIGHT}, "joints": bent},
-        }
-        if setting.vehicle == PAPER:
-            document["model"] = {"vehicle": MODEL}
-        built = scenario_from(with_entries(document, self.tables))
-        if self.motion == "circle":
-            moved = SLOW_CIRCLE.built(setting, 0.0).agent.reference
-            built = built.with_reference(replace(moved, z=Constant(HEIGHT)))
-        if self.noisy:
-            built = with_words(built, noise=FaultySensors(**parts(NOISE)))
-        built = with_numbers(built, {path: number for path, number in made.items() if "." in path})
-        delays = built.agent.delays
-        told, late = (replace(delays, measurement=made.get(word, delays.measurement)) for word in ("told", "late"))
-        return built.with_controller(controller_by_name(built.with_delays(told), law)).with_delays(late)
+        known = replace(self, entries=with_entries(self.entries, self.known))
+        return self.scenario(setting, value).with_controller(controller_by_name(known.scenario(setting, value), law))
+
+    def flights(self, setting: Setting, value: float) -> list[dict[str, float]]:
+        """Numbers of the flights at a value: parameter path -> number."""
+        return [replace(self, numbers=numbers).numbers_of(setting, value) for numbers in self.each]
 
 
 TRIALS: Mapping[str, SurviveTrial] = {
-    row["name"]: SurviveTrial(**row | {"conditions": [SurviveCondition(**each) for each in row["conditions"]]})
-    for row in library_rows("survive_trials")
+    trial["name"]: SurviveTrial(**{key: each for key, each in group.items() if key != "trials"} | trial)
+    for group in library_rows("survive_trials")
+    for trial in group["trials"]
 }
 """Trials by name."""
-
-CONDITIONS: Mapping[str, SurviveCondition] = {each.name: each for trial in TRIALS.values() for each in trial.conditions}
-"""Conditions of all trials by name."""

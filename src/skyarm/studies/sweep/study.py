@@ -10,8 +10,8 @@ from typing import Any
 from skyarm.log.metrics.windows import Windows
 from skyarm.records.immutable import immutable
 from skyarm.scenario.scenario_record import Scenario
-from skyarm.studies.sweep.distributions import Distribution, Values, finite
-from skyarm.studies.sweep.expressions import Expression, is_own_name
+from skyarm.studies.sweep.design import Draws
+from skyarm.studies.sweep.expressions import is_own_name
 
 DESIGNS = ("random", "grid", "sobol")
 PRECISIONS = ("double", "single", "bit_exact")
@@ -26,16 +26,13 @@ class StudyError(ValueError):
 
 
 @immutable(slots=False)
-class Study:
+class Study(Draws):
     """Definition of a parameter sweep: scenario, controllers, distributions, metrics and seed.
 
     Attributes:
         name: short name. title: one-line description. source: name of the study in messages.
         scenarios: label of the controller -> scenario it flies; all of them fly the same draws.
-        vary: dotted path -> its distribution, in the order of the file; or a name that is only derived from.
-        derived: dotted path, or a name that is only written into the rows -> its expression of what stands before it.
-        design: "random", "grid" or "sobol".
-        episodes: number of episodes, numbered from 0. seed: seed of draws and noise. chunk: episodes of one file.
+        chunk: episodes of one file.
         precision: "double", "single", or "bit_exact" (double without fused multiply-add: the same bits on every
             processor).
         metrics: names and groups of those in the rows. windows: windows of the metrics.
@@ -47,15 +44,10 @@ class Study:
     title: str = ""
     source: str = "study"
     scenarios: Mapping[str, Scenario]
-    vary: Mapping[str, Distribution]
-    design: str = "random"
-    episodes: int
-    seed: int = 0
     chunk: int = 4096
     precision: str = "double"
     metrics: tuple[str, ...] = ("standard",)
     windows: Windows = Windows()
-    derived: Mapping[str, Expression] = field(default_factory=lambda: MappingProxyType({}))
     success: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
     document: Mapping[str, Any]
 
@@ -63,11 +55,6 @@ class Study:
     def paths(self) -> tuple[str, ...]:
         """Paths of the varied parameters, in order, derived ones last."""
         return tuple(name for name in (*self.vary, *self.derived) if not is_own_name(name))
-
-    @property
-    def axes(self) -> dict[str, Values]:
-        """Discrete parameters whose values form the grid of a grid design, by path."""
-        return finite(self.vary) if self.design == "grid" else {}
 
     @property
     def chunks(self) -> int:

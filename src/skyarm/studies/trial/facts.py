@@ -6,7 +6,8 @@ Amplitudes are stated for the paper's vehicle. Another vehicle is asked for as m
 * accelerations of the base by its hover thrust margin, (largest thrust / weight - 1) g against that of the paper's
   vehicle, never more than the paper's: amplitudes and steps times that share, speeds on the circle times its root;
 * joints swing about the middle of their range or about zero, where zero lies within it, and by at most 0.7 of the way
-  to the nearer limit where the paper's arm swings by 1 (rad, or m); a passive joint is left where it hangs.
+  to the nearer limit where the paper's arm swings by 1 (rad, or m); a passive joint is left where it hangs;
+* damping in proportion to what each joint moves: of one, the fastest motion falls to 1 / e within a control period.
 """
 
 from __future__ import annotations
@@ -17,6 +18,10 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
+from skyarm.algebra import Mat3
+from skyarm.dynamics import mass_matrix
 from skyarm.dynamics.actuators.hover import highest_thrust
 from skyarm.dynamics.workspace import reach
 from skyarm.records.files import PathLike, file_name, shown
@@ -57,6 +62,7 @@ class Setting:
         weight: over that of the paper's vehicle. climb: share of the paper's accelerations, at most 1.
         middle: middle of each joint's swing, rad or m.
         swing: amplitude of each joint, rad or m where the paper's arm swings by 1.
+        damping: of each joint, N m s/rad or N s/m, as of :func:`fading`.
         duration: duration of a trial, s.
     """
 
@@ -70,21 +76,23 @@ class Setting:
     climb: float
     middle: tuple[float, ...]
     swing: tuple[float, ...]
+    damping: tuple[float, ...]
     duration: float = DURATION
 
     @property
     def facts(self) -> Facts:
         """Numbers of the vehicle that expressions may name."""
         height = float(next(iter(self.hover.agents.values())).reference.z.derivatives(0.0)[0])
-        return {"weight": self.weight, "climb": self.climb, "height": height}
+        own = {"mass": float(self.truth.mass), "rate": self.hover.rates.control}
+        return {"weight": self.weight, "climb": self.climb, "height": height} | own
 
     @property
     def joints(self) -> dict[str, Facts]:
         """Numbers of each joint that expressions may name, by the joint's name."""
-        rows = enumerate(zip(self.truth.joints, self.middle, self.swing, strict=True))
+        columns = {"middle": self.middle, "swing": self.swing, "damping": self.damping}
         return {
-            joint.name: {"j": j, "even": 1 - j % 2, "odd": j % 2, "middle": middle, "swing": swing}
-            for j, (joint, middle, swing) in rows
+            joint.name: {"j": j, "even": 1 - j % 2, "odd": j % 2, **{name: own[j] for name, own in columns.items()}}
+            for j, joint in enumerate(self.truth.joints)
         }
 
     @property
@@ -154,6 +162,7 @@ def _setting(name: str, document: Mapping[str, Any], folder: Path, given: Mappin
         climb=min(1.0, _spare_thrust(truth) / _spare_thrust(paper)),
         middle=tuple(middle for middle, _ in ranges),
         swing=tuple(swing for _, swing in ranges),
+        damping=fading(truth, hover.rates.control),
         duration=hover.duration,
     )
 
@@ -190,3 +199,17 @@ def _swing_range(joint: Joint) -> tuple[float, float]:
     room = min(middle - low, high - middle)
     still = joint.effort_limit == 0
     return middle, 0.0 if still else min(1.0, ROOM * room)
+
+
+def fading(vehicle: Vehicle, rate: float) -> tuple[float, ...]:
+    """Damping (joints,) in proportion to what each joint moves, of which the fastest motion fades at a rate (1/s).
+
+    What a joint moves is 1 / (M^-1)_ii, base and other joints free; of one joint the damping is rate / (M^-1)_ii.
+    """
+    if not vehicle.n:
+        return ()
+    M = np.array(mass_matrix(vehicle, Mat3.identity(), vehicle.zeros), dtype=float)
+    mobility = np.linalg.inv(M)[6:, 6:]
+    inertia = 1.0 / np.diag(mobility)
+    fastest = np.abs(np.linalg.eigvals(mobility * inertia)).max()
+    return tuple((rate / fastest * inertia).tolist())

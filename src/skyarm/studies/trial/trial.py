@@ -55,7 +55,7 @@ class Trial:
 
     name: str
     title: str
-    unit: str
+    unit: str = ""
     values: tuple[float, ...]
     share: str = "1"
     file: str = ""
@@ -76,8 +76,9 @@ class Trial:
 
     def scenario(self, setting: Setting, value: float) -> Scenario:
         """Scenario of the trial at one value."""
-        built = with_numbers(self.built(setting, value), self.numbers_of(setting, value))
-        return self.makers[self.made](built, setting, value) if self.made else built
+        built = self.built(setting, value)
+        made = self.makers[self.made](built, setting, value) if self.made else built
+        return with_numbers(made, self.numbers_of(setting, value))
 
     def built(self, setting: Setting, value: float) -> Scenario:
         """Scenario of the trial at one value before its numbers."""

@@ -14,7 +14,7 @@ from skyarm.records.immutable import immutable, positional
 from skyarm.records.leaves import parts
 from skyarm.scenario.numbers import with_numbers
 from skyarm.scenario.scenario_record import Scenario
-from skyarm.studies.compare.perturbed_plants import arm_length
+from skyarm.studies.compare.perturbed_plants import arm_length, hardest
 from skyarm.studies.flights import Crew, Rows, Work
 from skyarm.studies.tune.excitation import KINDS, Plants
 from skyarm.studies.tune.law_knobs import GainKnob
@@ -137,9 +137,7 @@ class CandidateFlights:
 
     def _stiffest(self, scenario: Scenario) -> Scenario:
         """Scenario that fixes the integration steps of all plants."""
-        columns = self.plants.values.items()
-        damping = {path: float(column.max()) for path, column in columns if path.endswith(".damping")}
-        return with_numbers(scenario, damping)
+        return with_numbers(scenario, hardest(scenario, self.plants.values))
 
     def _metrics(self, scenario: Scenario, saturation: bool) -> tuple[str, ...]:
         """Metrics of the flights."""
