@@ -17,6 +17,7 @@ from skyarm.studies.compare.compare_laws import compare, suite_of
 from skyarm.studies.compare.run_suite import fly_suite
 from skyarm.studies.compare.suite_file import FileSuite, load_suite
 from skyarm.studies.trial.facts import setting_of
+from skyarm.vehicle.vehicle_files import LIBRARY
 
 ROOT = Path(__file__).resolve().parents[3]
 EXAMPLE = ROOT / "examples" / "loads_and_gusts.toml"
@@ -130,6 +131,14 @@ def test_a_vehicle_without_an_arm_hovers_under_the_laws_that_fit_it(file: Path) 
     assert "has no end_effector" in refused["centroidal_tip in push"]
     found = fly_suite(suite, file.parent / "out")
     assert [each["completed"] for each in found["trials"]["push"]["laws"]["indi_tuned"]] == [2, 2]
+
+
+def test_a_vehicle_that_is_too_heavy_is_named_with_its_field(file: Path) -> None:
+    heavy = file.parent / "heavy.toml"
+    text = (LIBRARY / "hummingbird.toml").read_text("utf-8")
+    heavy.write_text(text.replace("mass = 0.716", "mass = 71.6", 1), "utf-8")
+    with pytest.raises(ValueError, match=re.escape(f"trials[push]: vehicle = '{heavy}': must be able to hover;")):
+        load_suite(file, only=["push"], vehicle=str(heavy)).plan_cells()
 
 
 def test_python_and_the_command_take_the_file_and_a_repeated_call_flies_nothing(file: Path) -> None:

@@ -114,8 +114,8 @@ def hardest(scenario: Scenario, columns: Mapping[str, Array]) -> dict[str, float
             rough = path.removesuffix("stiffness") + "friction"
             if rough in columns:
                 extremes[rough] = float((column * columns[rough]).max()) / most
-        elif OBJECT.fullmatch(path):
-            extremes[path] = min(number_at(scenario, path), float(column.min()))
+        elif OBJECT.fullmatch(path) and column.min() < number_at(scenario, path):
+            extremes[path] = float(column.min())
     return extremes
 
 

@@ -86,7 +86,8 @@ class SuiteTrial(Trial):
         """
         if not self.file:
             duration = DURATION if self.duration is None else self.duration
-            return setting_of(suite.vehicle or PAPER, duration, suite.plant, None if law == OWN else law, armed=False)
+            vehicle, own = suite.vehicle or PAPER, None if law == OWN else law
+            return setting_of(vehicle, duration, suite.plant, own, armed=False, at="vehicle")
         given = {"plant": suite.plant, "duration": self.duration, "controller": None if law == OWN else law}
         given = {word: each for word, each in given.items() if each is not None}
         return setting_of_scenario(self.file, Path(suite.source).parent, given)

@@ -109,6 +109,7 @@ def setting_of(
     law: str | None = None,
     *,
     armed: bool = True,
+    at: str = "--vehicle",
 ) -> Setting:
     """Hover scenario and trial scales of a vehicle given by name or file.
 
@@ -118,13 +119,14 @@ def setting_of(
         plant: kind of simulated plant.
         law: law in place of a placeholder.
         armed: whether the vehicle must have an arm with a tip.
+        at: name of the vehicle's field in messages.
 
     Raises:
         VehicleError: no such vehicle.
         ScenarioError: a vehicle without an arm, without a tip or that cannot hover.
     """
     truth = load_vehicle(vehicle)
-    _require_hover(vehicle, truth, armed)
+    _require_hover(f"{at} = {shown(vehicle)}", truth, armed)
     middles = [middle for middle, _ in map(_swing_range, truth.joints)]
     reference = {"base": {"kind": "signals", "z": _height(truth)}, "joints": middles}
     given = {"duration": duration, "plant": plant} | ({"controller": law} if law else {})
@@ -167,11 +169,11 @@ def _setting(name: str, document: Mapping[str, Any], folder: Path, given: Mappin
     )
 
 
-def _require_hover(name: str, truth: Vehicle, armed: bool) -> None:
+def _require_hover(where: str, truth: Vehicle, armed: bool) -> None:
     if armed and not (truth.n and truth.end_effector):
-        raise ScenarioError(f"--vehicle = {shown(name)}: must have an arm with an end_effector{truth.tip_cure}")
+        raise ScenarioError(f"{where}: must have an arm with an end_effector{truth.tip_cure}")
     if not _spare_thrust(truth) > 0.0:
-        raise ScenarioError(f"--vehicle = {shown(name)}: must be able to hover; 'skyarm check' says why it is not")
+        raise ScenarioError(f"{where}: must be able to hover; 'skyarm check' says why it is not")
 
 
 def _hover(vehicle: str) -> dict[str, Any]:
