@@ -78,6 +78,15 @@ def test_keywords_replace_what_the_log_says(tmp_path: Path) -> None:
             skyarm.load_scenario(path, **keywords)
 
 
+def test_a_scenario_that_ships_is_restored_once_and_one_that_was_changed_after_is_not_it() -> None:
+    log = skyarm.run(skyarm.load_scenario("case3", duration=0.1))
+    assert log.scenario is log.scenario
+    record = {**log.info["scenario_record"], "duration": 0.2}
+    log = dataclasses.replace(log, info={**log.info, "scenario_record": record})
+    with pytest.raises(ValueError, match="must be of the log's digest"):
+        _ = log.scenario
+
+
 def test_words_of_a_logs_scenario_are_replaced_by_their_paths_in_a_file(tmp_path: Path) -> None:
     given = skyarm.load_scenario("case1", duration=0.05)
     log, _ = logged(given, tmp_path)

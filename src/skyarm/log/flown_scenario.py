@@ -80,7 +80,8 @@ def flown_scenario(info: Info, replaced: Mapping[str, object]) -> Any:
     if not _matches_digest(info, written, code):
         raise ValueError(f"scenario_record: must be of the log's digest; it was changed after skyarm {of} wrote it")
     with _convert_errors(plugins):
-        scenario = restore(written, {**code, **plugins})
+        own = {**code, **plugins}  # of a user's part: it may change between two calls
+        scenario = restore(written, own) if own else _restore_text(json.dumps((written, own)))
     now = own_files(scenario)
     for name in sorted(code):
         if now.get(name, code[name]) != code[name]:
@@ -90,7 +91,7 @@ def flown_scenario(info: Info, replaced: Mapping[str, object]) -> Any:
     for path in replaced:
         if path not in fields:
             raise ValueError(f"path = {shown(path)}: {must_be_one_of(fields, path)}")
-    return replace_at(scenario, {fields[path]: value for path, value in replaced.items()})
+    return replace_at(scenario, {fields[path]: value for path, value in replaced.items()}) if replaced else scenario
 
 
 def _matches_digest(info: Info, written: Info, code: Info) -> bool:

@@ -35,7 +35,7 @@ from skyarm.records.units import Unit, nonnegative
 from skyarm.reference.reference_tables import motion_from
 from skyarm.reference.signals import Constant, Derivatives, Ramp, Signal, Sum
 from skyarm.reference.task_records import Setting
-from skyarm.reference.tip_motion import rotation_columns, vector_derivatives
+from skyarm.reference.tip_motion import rotation_columns, rotation_row, vector_derivatives
 
 PHASES = ("hold", "lift", "carry", "turn", "tilt", "place")
 
@@ -139,8 +139,8 @@ class CarriedPlace(Signal):
             Taylor.of_derivatives(each.derivatives(t))
             for each in (self.roll, self.pitch, self.yaw, self.middle, *self.place)
         )
-        columns = rotation_columns((cos(a), sin(a)) for a in (roll, pitch, yaw))
-        along = sum((c[self.axis] * p for c, p in zip(columns, place, strict=True)), middle)
+        row = rotation_row(((cos(a), sin(a)) for a in (roll, pitch, yaw)), self.axis)
+        along = sum((each * p for each, p in zip(row, place, strict=True)), middle)
         return tuple(map(along.derivative, range(5)))
 
 

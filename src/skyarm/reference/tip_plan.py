@@ -360,7 +360,7 @@ def _heading(angle: float) -> Mat3:
 
 def _turn(roll: float, pitch: float, yaw: float) -> Mat3:
     """Rotation matrix R_z(yaw) R_y(pitch) R_x(roll)."""
-    return Mat3.columns(*rotation_columns((math.cos(a), math.sin(a)) for a in (roll, pitch, yaw)))
+    return Mat3.columns(*rotation_columns([(math.cos(a), math.sin(a)) for a in (roll, pitch, yaw)]))
 
 
 def tip_trajectory(
