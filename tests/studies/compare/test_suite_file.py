@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 import skyarm
+from skyarm.log.metrics.metric_catalogue import metric_words
 from skyarm.scenario.controller_table import controller_by_name
 from skyarm.scenario.numbers import number_at, with_numbers
 from skyarm.studies.compare.compare_laws import compare, suite_of
@@ -167,7 +168,7 @@ WRONG = {
     "suite.title = 3: must be text": ('"Short"', "3"),
     "trials = []: must be one or more tables": (SHORT[SHORT.index("[[trials]]") :], ""),
     "trials[1].name: is missing": ('name = "mass"\n', ""),
-    "trials[push].name = 'push': must be of one trial alone": ('name = "mass"', 'name = "push"'),
+    "trials[push].name = 'push': must differ from those of other trials": ('name = "mass"', 'name = "push"'),
     "trials[push].base = 'slow_circl': did you mean 'slow_circle'": ('"slow_circle"', '"slow_circl"'),
     "trials[push].arm = 3": ('"gentle"', "3"),
     "trials[push].values = [1.0, 1.0]": ("[0.5, 1.0]", "[1.0, 1.0]"),
@@ -175,17 +176,52 @@ WRONG = {
     "trials[push].noisy = 'yes'": ("noisy = true", 'noisy = "yes"'),
     "trials[push].flights = 0: must be a whole number from 1": ("flights = 2", "flights = 0"),
     "'wait' must be a named number; did you mean 'weight'": ("value * weight", "value * wait"),
-    "trials[push]: path = 'environment.forces.0.force.w.value': no 'w' here": ("force.y.value", "force.w.value"),
-    "trials[push]: metrics: 'tip_eror': must be one of": ("position_error_mean_continuous", "tip_eror"),
+    "numbers: path = 'environment.forces.0.force.w.value': no 'w' here": ("force.y.value", "force.w.value"),
+    "vary: path = 'plant.vehicle.base.mas': no 'mas' here": ("base.mass", "base.mas"),
+    "trials[push].success.tilt_mx = 'tilt_mx': did you mean 'tilt_max'? must be a metric": (
+        "position_error_mean_continuous",
+        "tilt_mx",
+    ),
+    "suite.metrics = 'tilt_mx': did you mean 'tilt_max'? must be a metric": (
+        "[suite]",
+        '[suite]\nmetrics = ["tilt_mx"]',
+    ),
     "suite.metrics = 'standard': must be a metric, not a group": ("[suite]", '[suite]\nmetrics = ["standard"]'),
     "trials[push]: enviroment": ("entries.environment", "entries.enviroment"),
-    "entries = '{eas}': did you mean 'ease'": ('{ kind = "constant", value = 0.0 }', '"{eas}"'),
+    "entries.environment.forces[0].force[1] = '{eas}': did you mean 'ease'": (
+        '{ kind = "constant", value = 0.0 }',
+        '"{eas}"',
+    ),
     "trials[mass]: scenario = 'case33': did you mean 'case3'": ('"case3"', '"case33"'),
     "trials[mass].base: must be left out beside scenario": ('"case3"', '"case3"\nbase = "circle"'),
     "must have exactly one of uniform": ("uniform", "unifrm"),
     "body.mass = -": ("[0.7, 0.8]", "[-1.0, -0.5]"),
     "must be an expression, as": ('"value"\n', "3.0\n"),
     "must not stand under numbers as well": ('vary."plant.vehicle.base.mass"', 'vary."plant.payload.mass"'),
+    "entries.environment.forces[0].force[1].value = 'value': must be '= value', an expression": (
+        "value = 0.0",
+        'value = "value"',
+    ),
+    "entries.environment.forces[0].force[1].value = 'valu': at 1: 'valu' must be a named number": (
+        "value = 0.0",
+        'value = "=valu"',
+    ),
+    "trials[mass].entries.duration = 3: must be left out; duration of the trial says it": (
+        "flights = 3",
+        "flights = 3\nentries.duration = 3",
+    ),
+    "trials[mass].entries.plant.kind = 'mujoco': must be left out; --plant says it": (
+        "flights = 3",
+        'flights = 3\nentries.plant.kind = "mujoco"',
+    ),
+    "trials[mass].values = [0.0, 0.02]: must be one number: no expression names value": ('"value"\n', '"0.1"\n'),
+    "suite.duration = -1.0: must be above 0": ("duration = 1.0", "duration = -1.0"),
+    "suite.flights = 2.5: must be a whole number from 1": ("duration = 1.0", "duration = 1.0\nflights = 2.5"),
+    "suite.laws = ['paper_ct', 'paper_ct']": ('["paper_ct"]', '["paper_ct", "paper_ct"]'),
+    "unknown field; did you mean 'suite'": ("[suite]", "[suit]"),
+    "unknown field; did you mean 'trials'": (SHORT, SHORT.replace("[[trials]]", "[[trial]]")),
+    "trials[pu/sh].name = 'pu/sh': must be the name of a file": ('"push"', '"pu/sh"'),
+    "vehicle = 'pelikan_arm2': did you mean 'pelican_arm2'": ("[suite]", '[suite]\nvehicle = "pelikan_arm2"'),
     "trials[push].duration = -1: must be above 0": ("noisy = true", "noisy = true\nduration = -1"),
     "windows.steady = [4, 90) s: must end": ("noisy = true", "noisy = true\nwindows = { steady = [4, 90] }"),
     "suite: must be a suite file, and this is a scenario file, for 'skyarm run'": ("[suite]", "[plant]"),
@@ -214,6 +250,61 @@ def test_of_several_vehicles_the_largest_counts_or_the_one_that_is_named(file: P
     (point,) = found["trials"]["bar"]["laws"]["own"]
     largest, left, right = (point["means"][name] for name in names)
     assert largest == max(left, right)
+
+
+def test_an_expression_under_numbers_may_begin_as_one_in_entries(file: Path) -> None:
+    plain = load_suite(file).plan_cells()[0]
+    file.write_text(SHORT.replace('"value * weight"', '"= value * weight"'), "utf-8")
+    signed = load_suite(file).plan_cells()[0]
+    for one, other in zip(plain, signed, strict=True):
+        np.testing.assert_equal(one.work().columns, other.work().columns)
+
+
+def test_gains_of_an_entry_are_of_the_law_of_the_scenario_alone(file: Path) -> None:
+    """Any other law comes with gains of its own, and would not see them."""
+    file.write_text(f'{SHORT}entries.controller.preset = "paper_pd"\n', "utf-8")
+    cells, refused = load_suite(file, only=["mass"], laws=("own", "paper_ct")).plan_cells()
+    (cell,) = cells
+    assert cell.scenario().agent.controller == skyarm.load_scenario("case3", controller="paper_pd").agent.controller
+    assert refused == {
+        "paper_ct in mass": "entries.controller is of the law 'own' alone; another law comes with its own gains"
+    }
+    with pytest.raises(ValueError, match=re.escape(f"{file}: paper_ct in mass: entries.controller is of")):
+        load_suite(file, only=["mass"]).plan_cells()
+
+
+def test_a_vehicle_beside_scenarios_alone_is_refused(file: Path) -> None:
+    with pytest.raises(ValueError, match="--vehicle = 'pelican_arm2': must be left out: every trial has a scenario"):
+        load_suite(file, only=["mass"], vehicle="pelican_arm2")
+    assert load_suite(file, vehicle="pelican_arm2").vehicle == "pelican_arm2"
+    alone = SHORT.replace("[suite]", '[suite]\nvehicle = "pelican_arm2"')
+    file.write_text(alone[: alone.index("[[trials]]")] + alone[alone.rindex("[[trials]]") :], "utf-8")
+    with pytest.raises(
+        ValueError, match=r"suite\.vehicle = 'pelican_arm2': must be left out: every trial has a scenario"
+    ):
+        load_suite(file)
+
+
+def test_a_trial_without_chance_flies_once(file: Path) -> None:
+    file.write_text(SHORT.replace("noisy = true\n", ""), "utf-8")
+    push, mass = load_suite(file).plan_cells()[0]
+    assert (push.work().count, mass.work().count) == (2, 6)
+
+
+def test_a_table_says_why_nothing_came_to_its_end_what_a_success_is_and_small_numbers(file: Path) -> None:
+    text = SHORT.replace("[suite]", '[suite]\nmetrics = ["rate_rms"]').replace('"value * weight"', '"value * 100"')
+    file.write_text(text.replace("noisy = true\nflights = 2\n", "").replace("= 1.0", "= 3.0", 1), "utf-8")
+    suite = load_suite(file, only=["push"])
+    found = fly_suite(suite, file.parent / "out")
+    points = found["trials"]["push"]["laws"]["paper_ct"]
+    assert all(not each["completed"] and each["endings"] for each in points)
+    table = suite.report(found).markdown()
+    assert f"| paper_ct | {', '.join(points[0]['endings'])} |" in table
+    words, unit = metric_words("position_error_mean_continuous")
+    assert f"Success: {words} at most 0.05 {unit}." in table
+    small = [each | {"completed": 1, "success": 1, "flights": 1, "means": {"rate_rms": 0.000512}} for each in points]
+    found["trials"]["push"]["laws"]["paper_ct"] = small
+    assert "| paper_ct | 0.000512 | 0.000512 |" in suite.report(found).markdown()
 
 
 def test_only_takes_names_of_trials(file: Path) -> None:

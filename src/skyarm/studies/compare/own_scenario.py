@@ -56,6 +56,11 @@ class GivenFlights(CellFlights):
         return dataclasses.replace(as_scenario(self.given, law).with_kind(self.plant), seed=self.seed)
 
 
+def has_chance(scenario: Scenario) -> bool:
+    """True if two flights of a scenario differ: by noise, turbulence or other random parts."""
+    return any(draws_needed(stretch.overrides.of(scenario)) for stretch in stretches(scenario))
+
+
 @immutable
 class OwnScenario(SummarySuite[GivenFlights]):
     """Comparison of several controllers on one scenario of the user.
@@ -102,9 +107,8 @@ class OwnScenario(SummarySuite[GivenFlights]):
         named = [name for name in named if name not in refused]
         own = as_scenario(self.scenario).with_kind(self.plant)
         case = Case(name=own.name, title=own.title, scenario=own.name)
-        by_chance = any(draws_needed(stretch.overrides.of(own)) for stretch in stretches(own))
         title = "the scenario as its file describes it"
-        episodes = self.seeds if by_chance else 1
+        episodes = self.seeds if has_chance(own) else 1
         condition = Condition(name=AS_GIVEN, title=title, noisy=False, episodes=episodes, cases=(own.name,))
         options: Document = {"case": case, "condition": condition, "given": self.scenario} | self.options
         same = [n for n in named if identity(own) == identity(as_scenario(self.scenario, n).with_kind(self.plant))]

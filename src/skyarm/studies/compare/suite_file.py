@@ -5,21 +5,24 @@ A file begins with the table [suite] and has a table [[trials]] for each trial; 
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import re
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import field, replace
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from skyarm.control.controller import ControllerError
-from skyarm.log.metrics.metric_catalogue import GROUPS, metric_words, row_names
+from skyarm.log.metrics.metric_catalogue import GROUPS, catalogue_names, is_torque, measures, metric_words, row_names
 from skyarm.log.metrics.windows import Windows
 from skyarm.records.arrays import AnyArray as Array
 from skyarm.records.arrays import Mask
 from skyarm.records.files import (
     Fields,
     PathLike,
+    did_you_mean,
     errors_as,
     file_name,
     must_be_one_of,
@@ -30,16 +33,18 @@ from skyarm.records.files import (
 )
 from skyarm.records.files import number as number_of
 from skyarm.records.files.fields import filled_list
+from skyarm.records.files.messages import nearest
 from skyarm.records.files.names import is_result_name, require_kind
 from skyarm.records.immutable import immutable
 from skyarm.records.read_table import record_from
+from skyarm.records.text_tables import shown_number
 from skyarm.scenario.controller_table import controller_by_name, is_gains_file
 from skyarm.scenario.numbers import require_apart
 from skyarm.scenario.readers import require_plugins
-from skyarm.scenario.scenario_record import Scenario, whole
+from skyarm.scenario.scenario_record import Scenario, ScenarioError, whole
 from skyarm.studies.compare.cell_flights import JITTER, Cell, CellFlights, Document, Record, values_of
 from skyarm.studies.compare.entrants import Entrant, chosen_laws
-from skyarm.studies.compare.own_scenario import OWN
+from skyarm.studies.compare.own_scenario import OWN, has_chance
 from skyarm.studies.compare.run_suite import Refused, Suite
 from skyarm.studies.compare.suite import Case, Condition
 from skyarm.studies.flights import Work
@@ -48,6 +53,7 @@ from skyarm.studies.sweep.distributions import Distribution, distribution_from
 from skyarm.studies.sweep.plan import fastest_plant
 from skyarm.studies.trial.facts import DURATION, PAPER, Setting, setting_of, setting_of_scenario
 from skyarm.studies.trial.trial import MOTIONS, Trial
+from skyarm.vehicle.vehicle_files import load_vehicle
 from skyarm.view.pages import Report, Section, Table, number
 
 LAWS = ("paper_pd", "paper_ct", "centroidal_tip")
@@ -87,7 +93,9 @@ class SuiteTrial(Trial):
         if not self.file:
             duration = DURATION if self.duration is None else self.duration
             vehicle, own = suite.vehicle or PAPER, None if law == OWN else law
-            return setting_of(vehicle, duration, suite.plant, own, armed=False, at="vehicle")
+            hover = setting_of(vehicle, duration, suite.plant, own, armed=False, at="vehicle")
+            # windows of every vehicle are alike: the paper's hover has those of its case 3
+            return replace(hover, document={key: each for key, each in hover.document.items() if key != "windows"})
         given = {"plant": suite.plant, "duration": self.duration, "controller": None if law == OWN else law}
         given = {word: each for word, each in given.items() if each is not None}
         return setting_of_scenario(self.file, Path(suite.source).parent, given)
@@ -141,7 +149,8 @@ class TrialFlights(CellFlights):
             ValueError: one line: a path of no number, or a number that cannot be.
         """
         work = super().work()
-        require_apart(work.scenario, list(work.columns))
+        with errors_as(ScenarioError, "vary: " if self.trial.vary else "numbers: "):
+            require_apart(work.scenario, list(work.columns))
         ends = {path: (float(column.min()), float(column.max())) for path, column in work.columns.items()}
         keys = np.tile(np.arange(self.trial.flights), len(self.points))
         return replace(work, episodes=keys, stiffest=fastest_plant(work.scenario, ends))
@@ -186,6 +195,9 @@ class FileSuite(Suite[TrialFlights]):
             ValueError: one line with file and trial.
         """
         cells, refused = list[TrialFlights](), dict[str, str]()
+        if any(not trial.file for trial in self.trials):
+            with errors_as(ValueError, f"{self.source}: "):
+                load_vehicle(self.vehicle or PAPER)  # of all that hover: its fault is of no trial
         for trial in self.trials:
             with errors_as(ValueError, f"{self.source}: trials[{trial.name}]: "):
                 for law in self.laws:
@@ -193,16 +205,22 @@ class FileSuite(Suite[TrialFlights]):
                         cells += self._cells(trial, law)
                     except ControllerError as error:
                         refused[f"{law} in {trial.name}"] = str(error)
+        if not cells:
+            raise ValueError(f"{self.source}: {'; '.join(f'{name}: {why}' for name, why in refused.items())}")
         return cells, refused
 
     def _cells(self, trial: SuiteTrial, law: str) -> list[TrialFlights]:
         if law == OWN and not trial.file:
             raise ControllerError("flies trials with a scenario, whose own law it is")
+        if law != OWN and "controller" in trial.entries:
+            raise ControllerError("entries.controller is of the law 'own' alone; another law comes with its own gains")
         if law != OWN and not is_gains_file(law):
             given = trial.setting(self, OWN).hover
             for name in given.agents:
                 controller_by_name(given.of(name), law)  # refuses a law that does not fit the vehicle
         setting, kind = trial.setting(self, law), "noisy" if trial.noisy else "given"
+        if not trial.vary and not has_chance(trial.built(setting, trial.values[0])):
+            trial = replace(trial, flights=1)
         every = TrialFlights(
             entrant=Entrant(name=law, law=law),
             case=Case(name=trial.name, title=trial.title, scenario=setting.vehicle, windows=trial.windows),
@@ -239,7 +257,11 @@ class FileSuite(Suite[TrialFlights]):
         vehicle = f"{found['vehicle'] or PAPER}, " if any(not trial.file for trial in self.trials) else ""
         notes = [MEANING, *(f"{law} does not fly: {why}" for law, why in found["not_flown"].items())]
         tables = {name: [_table(entry, metric) for metric in self.metrics] for name, entry in found["trials"].items()}
-        trials = [Section(title=found["trials"][name]["title"], tables=each) for name, each in tables.items()]
+        criteria = {trial.name: [_criterion(trial.success)] for trial in self.trials if trial.success}
+        trials = [
+            Section(title=found["trials"][name]["title"], notes=criteria.get(name, []), tables=each)
+            for name, each in tables.items()
+        ]
         return Report(
             title=found["title"],
             facts=f"{vehicle}{found['plant']}, seed {found['seed']}; skyarm {versions()['skyarm']}",
@@ -247,7 +269,16 @@ class FileSuite(Suite[TrialFlights]):
         )
 
 
+FINE = 0.1
+"""Number below which three digits are shown instead of two decimals."""
+
 MEANING = "Means over the flights that came to their end, behind the count of successes where some did not."
+
+
+def _criterion(success: Mapping[str, float]) -> str:
+    """Text of what a successful flight is."""
+    limits = ((*metric_words(name), most) for name, most in success.items())
+    return f"Success: {', '.join(f'{words} at most {most:g} {unit}'.rstrip() for words, unit, most in limits)}."
 
 
 def _point(cell: Cell, rows: slice, metrics: Sequence[str], trial: SuiteTrial) -> Document:
@@ -262,6 +293,7 @@ def _point(cell: Cell, rows: slice, metrics: Sequence[str], trial: SuiteTrial) -
         "flights": int(flown.size),
         "completed": int(flown.sum()),
         "success": int(good.sum()),
+        "endings": sorted({str(status) for status in cell.status[rows][~flown]}),
         "means": {name: float(each.mean()) if each.size else None for name, each in means.items()},
     }
 
@@ -277,8 +309,10 @@ def _table(entry: Record, metric: str) -> Table:
 
 def _cell(point: Record, metric: str, factor: float) -> str:
     if not point["completed"]:
-        return "lost"
-    mean = number(point["means"][metric], factor)
+        return ", ".join(point["endings"])
+    mean = point["means"][metric]
+    # of joint torques and body rates two decimals may be nothing
+    mean = shown_number(mean) if mean is not None and factor == 1.0 and abs(mean) < FINE else number(mean, factor)
     every = point["success"] == point["flights"]
     return mean if every else f"{point['success']} of {point['flights']}; {mean}"
 
@@ -301,26 +335,32 @@ def load_suite(path: PathLike, **options: Any) -> FileSuite:
         top = Fields(document, "")
         top.require_schema()
         require_plugins(top)
-        table = top.inner("suite")
-        filled_list(top.take("trials", []), "trials", "one or more tables [[trials]]")
+        table, given = top.inner("suite"), top.take("trials", [])
         own = {
             "title": table.text("title", Path(source).stem),
             "laws": chosen_laws(_texts(table, "laws", LAWS), "suite.laws", (OWN,)),
             "vehicle": table.text("vehicle", ""),
-            "metrics": tuple(_metric(each, "suite.metrics") for each in _texts(table, "metrics", METRICS)),
+            "metrics": tuple(
+                _metric(each, "suite.metrics") for each in dict.fromkeys(_texts(table, "metrics", METRICS))
+            ),
         }
-        usual = {"flights": table.take("flights", 1), "duration": table.take("duration", None)}
+        usual = {"flights": _flights(table, 1), "duration": _duration(table, None)}
         table.done()
-        trials = [_trial(each, usual) for each in Fields(document, "", named=True).tables("trials")]
         top.done()
+        filled_list(given, "trials", "one or more tables [[trials]]")
+        trials = [_trial(each, usual) for each in Fields(document, "", named=True).tables("trials")]
         names = [trial.name for trial in trials]
         for name in names:
             if names.count(name) > 1:
-                raise ValueError(f"trials[{name}].name = {shown(name)}: must be of one trial alone")
+                raise ValueError(f"trials[{name}].name = {shown(name)}: must differ from those of other trials")
+        if own["vehicle"] and all(trial.file for trial in trials):
+            raise ValueError(f"suite.vehicle = {shown(own['vehicle'])}: must be left out: every trial has a scenario")
     for name in only or ():
         if name not in names:
             raise ValueError(f"--only = {shown(name)}: {must_be_one_of(names, name)}")
     chosen = [trial for trial in trials if only is None or trial.name in only]
+    if options.get("vehicle") and all(trial.file for trial in chosen):
+        raise ValueError(f"--vehicle = {shown(options['vehicle'])}: must be left out: every trial has a scenario")
     return FileSuite(**own | {"source": source, "trials": chosen} | options)
 
 
@@ -331,21 +371,52 @@ def _texts(table: Fields, name: str, usual: tuple[str, ...]) -> tuple[str, ...]:
     for each in given:
         if not isinstance(each, str):
             raise ValueError(f"{table.at(name)} = {shown(each)}: must be {allowed}")
-    return tuple(dict.fromkeys(given))
+    return tuple(given)
 
 
 def _metric(name: str, at: str) -> str:
     """Name of a single metric, no group; that a vehicle has it is checked where the flights are planned."""
     if name in GROUPS:
         raise ValueError(f"{at} = {shown(name)}: must be a metric, not a group of them")
+    known, (alone,) = measures(0), catalogue_names([name])
+    if alone not in known and not is_torque(alone):
+        words = f"{did_you_mean(alone, known)}must be a metric, such as {', '.join(nearest(alone, known))}"
+        raise ValueError(f"{at} = {shown(name)}: {words}")
     return name
+
+
+def _flights(table: Fields, usual: int) -> int:
+    stated = table.take("flights", usual)
+    if (flights := whole(stated)) is None or not 1 <= flights <= MOST:
+        raise ValueError(f"{table.at('flights')} = {shown(stated)}: must be a whole number from 1 to {MOST}")
+    return flights
+
+
+def _duration(table: Fields, usual: float | None) -> float | None:
+    stated = table.take("duration", usual)
+    return None if stated is None else number_of(stated, table.at("duration"), low=0.0, strict=True)
+
+
+def _expressions(entry: object) -> Iterator[str]:
+    """Expressions in an entry."""
+    match entry:
+        case dict():
+            yield from chain.from_iterable(map(_expressions, entry.values()))
+        case list():
+            yield from chain.from_iterable(map(_expressions, entry))
+        case str() if entry.startswith("="):
+            yield entry
+
+
+ELSEWHERE = {"duration": "duration of the trial", "seed": "--seed", "plant.kind": "--plant"}
+"""Entry of a scenario file -> what says it in a suite."""
 
 
 def _trial(table: Fields, usual: Record) -> SuiteTrial:
     """Read one table of a suite."""
     name, file = table.text("name"), table.text("scenario", "")
     if not is_result_name(name):
-        raise ValueError(f"{table.at('name')} = {shown(name)}: must be a name as of a file")
+        raise ValueError(f"{table.at('name')} = {shown(name)}: must be the name of a file, of letters, digits, - or _")
     numbers, vary = table.inner("numbers"), table.inner("vary")
     for path, expression in numbers.table.items():
         if not isinstance(expression, str):
@@ -356,11 +427,12 @@ def _trial(table: Fields, usual: Record) -> SuiteTrial:
         for word in ("base", "arm"):
             if table.states(word):
                 raise ValueError(f"{table.at(word)}: must be left out beside scenario, which has a reference")
-    success = table.inner("success")
-    stated, duration = table.take("flights", usual["flights"]), table.take("duration", usual["duration"])
-    flights = whole(stated)
-    if flights is None or not 1 <= flights <= MOST:
-        raise ValueError(f"{table.at('flights')} = {shown(stated)}: must be a whole number from 1 to {MOST}")
+    success, entries = table.inner("success"), table.inner("entries")
+    for path, instead in ELSEWHERE.items():
+        *within, word = path.split(".")
+        given = entries.inner(within[0]) if within else entries
+        if word in given.table:
+            raise ValueError(f"{given.at(word)} = {shown(given.table[word])}: must be left out; {instead} says it")
     found = SuiteTrial(
         name=name,
         title=table.text("title", name),
@@ -370,16 +442,20 @@ def _trial(table: Fields, usual: Record) -> SuiteTrial:
         file=file,
         base=table.choice("base", tuple(MOTIONS["bases"])) if table.states("base") else "",
         arm=table.choice("arm", tuple(MOTIONS["arms"]), "still"),
-        entries=table.inner("entries").table,
+        entries=entries.table,
         numbers=numbers.table,
         noisy=table.flag("noisy", False),
-        flights=flights,
-        duration=None if duration is None else number_of(duration, table.at("duration"), low=0.0, strict=True),
+        flights=_flights(table, usual["flights"]),
+        duration=_duration(table, usual["duration"]),
         vary={path: distribution_from(each, vary.at(path)) for path, each in vary.table.items()},
-        success={_metric(each, table.at("success")): success.number(each) for each in success.table},
+        success={_metric(each, success.at(each)): success.number(each) for each in success.table},
         windows=record_from(Windows, Fields(table.take("windows", {}), table.at("windows"))),
     )
     table.done()
     if not found.values or len(set(found.values)) < len(found.values):
         raise ValueError(f"{table.at('values')} = {shown(list(found.values))}: must be one or more different numbers")
+    every = [*_expressions(found.entries), *found.numbers.values()]
+    if len(found.values) > 1 and not any(re.search(r"\bvalue\b", each) for each in every):
+        words = "must be one number: no expression names value, and all would fly the same"
+        raise ValueError(f"{table.at('values')} = {shown(list(found.values))}: {words}")
     return found

@@ -12,11 +12,11 @@ from dataclasses import asdict, field
 from importlib import resources
 from typing import Any, ClassVar
 
-from skyarm.records.files import must_be_one_of, shown
+from skyarm.records.files import errors_as, must_be_one_of, shown
 from skyarm.records.immutable import immutable
 from skyarm.scenario.numbers import number_at, with_numbers
 from skyarm.scenario.scenario_file import scenario_from
-from skyarm.scenario.scenario_record import Scenario
+from skyarm.scenario.scenario_record import Scenario, ScenarioError
 from skyarm.sensing.measurement import SensorNoise
 from skyarm.studies.sweep.expressions import read_expression
 from skyarm.studies.trial.facts import Facts, Setting
@@ -78,7 +78,9 @@ class Trial:
         """Scenario of the trial at one value."""
         built = self.built(setting, value)
         made = self.makers[self.made](built, setting, value) if self.made else built
-        return with_numbers(made, self.numbers_of(setting, value))
+        numbers = self.numbers_of(setting, value)
+        with errors_as(ScenarioError, "numbers: "):
+            return with_numbers(made, numbers)
 
     def built(self, setting: Setting, value: float) -> Scenario:
         """Scenario of the trial at one value before its numbers."""
@@ -118,14 +120,19 @@ def _each(pattern: str, setting: Setting) -> Iterator[tuple[str, Facts]]:
 def evaluate(text: str, facts: Facts, field: str = "expression") -> float:
     """Number of an expression of facts.
 
+    Args:
+        text: the expression, with or without the = by which entries tell it from a word.
+        facts: numbers by name.
+        field: name of the field in messages.
+
     Raises:
         ExpressionError: one line that begins with the field.
     """
-    return float(read_expression(text, facts, field).value(facts))
+    return float(read_expression(text.removeprefix("="), facts, field).value(facts))
 
 
-def fill_in(entry: Any, facts: Facts, setting: Setting) -> Any:
-    """Entry of a scenario file with its expressions and named parts filled in.
+def fill_in(entry: Any, facts: Facts, setting: Setting, at: str = "entries") -> Any:
+    """Entry of a scenario file with its expressions and named parts filled in; ``at`` is its place, in messages.
 
     Raises:
         ValueError: one line: an expression that cannot be read, or a part that is not there.
@@ -133,17 +140,20 @@ def fill_in(entry: Any, facts: Facts, setting: Setting) -> Any:
     match entry:
         case dict():
             every = {name: facts | own for name, own in setting.joints.items()} if "*" in entry else {}
-            joints = {name: fill_in(entry["*"], own, setting) for name, own in every.items()}
-            return {key: fill_in(each, facts, setting) for key, each in entry.items() if key != "*"} | joints
+            joints = {name: fill_in(entry["*"], own, setting, f"{at}.{name}") for name, own in every.items()}
+            others = {key: each for key, each in entry.items() if key != "*"}
+            return {key: fill_in(each, facts, setting, f"{at}.{key}") for key, each in others.items()} | joints
         case list():
-            return [fill_in(each, facts, setting) for each in entry]
+            return [fill_in(each, facts, setting, f"{at}[{i}]") for i, each in enumerate(entry)]
         case str() if entry.startswith("="):
-            return evaluate(entry[1:], facts)
+            return evaluate(entry, facts, at)
+        case "value":
+            raise ValueError(f"{at} = 'value': must be '= value', an expression")
         case str() if entry.startswith("{"):
             name, there = entry.strip("{}"), setting.words | MOTIONS["parts"]
             if name not in there:
-                raise ValueError(f"entries = {shown(entry)}: {must_be_one_of(there, name)}")
-            return fill_in(there[name], facts, setting)
+                raise ValueError(f"{at} = {shown(entry)}: {must_be_one_of(there, name)}")
+            return fill_in(there[name], facts, setting, at)
     return entry
 
 
