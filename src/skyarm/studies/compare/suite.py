@@ -10,8 +10,10 @@ from importlib import resources
 from typing import Any
 
 from skyarm.algebra import Vec3
-from skyarm.log.metrics.windows import Window, Windows
+from skyarm.log.metrics.windows import Windows
+from skyarm.records.files import Fields
 from skyarm.records.immutable import immutable
+from skyarm.records.read_table import record_from
 from skyarm.scenario.scenario_file import load_scenario
 from skyarm.scenario.scenario_record import Delays, Scenario, with_words
 from skyarm.studies.compare.perturbed_plants import Spread
@@ -76,23 +78,10 @@ def turn_wind(wind: ForceWind, angle: float) -> ForceWind:
 
 
 CASES: Mapping[str, Case] = {
-    case.name: case
-    for case in (
-        Case(name="case1", title="hover, ramps of the arm", scenario="case1"),
-        Case(name="case2", title="hover, arm swinging", scenario="case2"),
-        Case(
-            name="case2_gust",
-            title="the same, gust of 3 s along x",
-            scenario="case2_gust",
-            windows=Windows(gust=Window(7.5, 20.0)),
-        ),
-        Case(name="case3", title="circle, arm swinging", scenario="case3"),
-        Case(name="case3_wind", title="the same, wind along x (2 N, 2 m/s)", scenario="case3_wind"),
-        Case(name="case3_wind_45", title="the same from 45 deg", scenario="case3_wind", wind=0.25 * math.pi),
-        Case(name="case3_wind_side", title="the same from the side", scenario="case3_wind", wind=0.5 * math.pi),
-        Case(name="case3_wind_payload", title="wind along x, 50 g at the tip", scenario="case3_wind", payload=0.05),
-    )
+    row["name"]: Case(**row | {"windows": record_from(Windows, Fields(row.get("windows", {}), "windows"))})
+    for row in library_rows("paper_cases")
 }
+"""Cases by name, in the order of the tables."""
 
 PAPER_CASES = ("case1", "case2", "case2_gust", "case3", "case3_wind")
 
