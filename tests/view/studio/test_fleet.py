@@ -287,7 +287,10 @@ def test_mujocos_plant_flies_in_the_studio_too(tmp_path: Path) -> None:
     assert (flown[:30, :3] == plain.position).all()
 
 
-OTHERS = {"arm_length": "study", "press_in_four_worlds": "study", "carrier": "vehicle", "servo_quad": "vehicle"}
+OTHERS = {
+    **{"arm_length": "study", "press_in_four_worlds": "study", "loads_and_gusts": "suite"},
+    **{"carrier": "vehicle", "servo_quad": "vehicle"},
+}
 """Examples that are no scenarios -> what they are."""
 
 EVERY = [*list_scenarios(), *sorted(str(path) for path in EXAMPLES.glob("*.toml"))]
