@@ -78,7 +78,7 @@ def test_keywords_replace_what_the_log_says(tmp_path: Path) -> None:
             skyarm.load_scenario(path, **keywords)
 
 
-def test_a_scenario_that_ships_is_restored_once_and_one_that_was_changed_after_is_not_it() -> None:
+def test_a_scenario_that_ships_is_restored_once_and_a_changed_one_is_refused() -> None:
     log = skyarm.run(skyarm.load_scenario("case3", duration=0.1))
     assert log.scenario is log.scenario
     record = {**log.info["scenario_record"], "duration": 0.2}

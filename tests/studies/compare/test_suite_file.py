@@ -291,7 +291,7 @@ def test_a_trial_without_chance_flies_once(file: Path) -> None:
     assert (push.work().count, mass.work().count) == (2, 6)
 
 
-def test_a_table_says_why_nothing_came_to_its_end_what_a_success_is_and_small_numbers(file: Path) -> None:
+def test_a_table_says_why_all_ended_and_what_a_success_is(file: Path) -> None:
     text = SHORT.replace("[suite]", '[suite]\nmetrics = ["rate_rms"]').replace('"value * weight"', '"value * 100"')
     file.write_text(text.replace("noisy = true\nflights = 2\n", "").replace("= 1.0", "= 3.0", 1), "utf-8")
     suite = load_suite(file, only=["push"])
