@@ -94,13 +94,13 @@ def suite_of(what: Scenario | PathLike, names: Sequence[str] | None, field: str,
         ValueError: one line: a name of no law, or two names of one.
     """
     kind = SUITES.get(str(what))
-    of_file = kind is None and not isinstance(what, Scenario) and kind_of_file(str(what)) == "suite"
+    file = None if kind or isinstance(what, Scenario) or kind_of_file(str(what)) != "suite" else what
     if names is not None and kind is Comparison:
         options["entrants"] = chosen_entrants(names, field)
     elif names is not None:
         # of an own scenario any controller flies
-        own = OWN if what == CONTACT else () if kind else ("own",) if of_file else names
+        own = OWN if what == CONTACT else () if kind else ("own",) if file else names
         options["laws"] = names if kind is TeamSuite else chosen_laws(names, field, own)
-    if of_file:
-        return load_suite(what, **options)
+    if file:
+        return load_suite(file, **options)
     return OwnScenario(scenario=what, **options) if kind is None else kind(**options)
