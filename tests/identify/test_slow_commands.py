@@ -52,6 +52,23 @@ def test_a_motion_between_the_samples_is_not_explained():
     assert explained_rotation(turning((10.23, 12.7, 13.9), every=0.004), QUAD, SPAN, 0.02) > 0.5
 
 
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_of_a_gyroscope_with_its_axes_exchanged_the_commands_are_not_accused(sign):
+    """That fault is looked for later, as one of the gyroscope."""
+
+    def about_both(*tones):
+        roll, pitch = (turning(each, axis=axis) for axis, each in enumerate(tones))
+        gyro, other = roll["gyro"], pitch["gyro"]
+        speeds, more = (each["rotor_speed_commands"] for each in (roll, pitch))
+        both = np.sqrt(speeds.values**2 + more.values**2 - HOVER**2)
+        turned = (gyro.values + other.values)[:, [1, 0, 2]] * [1.0, sign, 1.0]
+        channels = {"gyro": (gyro, turned), "rotor_speed_commands": (speeds, both)}
+        return roll.with_channels({name: dataclasses.replace(a, values=b) for name, (a, b) in channels.items()})
+
+    assert explained_rotation(about_both((0.3, 0.7, 1.1), (0.4, 0.9, 1.3)), QUAD, SPAN, 0.1) > 0.7
+    assert explained_rotation(about_both((10.23, 12.7, 13.9), (11.1, 13.3, 14.6)), QUAD, SPAN, 0.1) < 0.05
+
+
 def test_of_a_torque_that_is_constant_or_a_short_flight_nothing_is_said():
     still = turning((1.0,))
     speeds = dataclasses.replace(still["rotor_speed_commands"], values=np.full((200, 4), HOVER))

@@ -73,5 +73,7 @@ def explained_rotation(
         both = np.hstack([turned, columns_at(time - late, grid, torques)])
         with np.errstate(invalid="ignore"):  # of a torque that is constant
             related = doubles(np.nan_to_num(np.corrcoef(both.T)))
-        best = max(best, related[0, 2], related[1, 3])
+        # a gyroscope whose axes are exchanged is a fault of its own, which is looked for later
+        exchanged = min(abs(related[0, 3]), abs(related[1, 2]))
+        best = max(best, related[0, 2], related[1, 3], exchanged)
     return float(best) ** 2
