@@ -48,7 +48,7 @@ from skyarm.studies.compare.own_scenario import OWN, has_chance
 from skyarm.studies.compare.run_suite import Refused, Suite
 from skyarm.studies.compare.suite import Case, Condition
 from skyarm.studies.flights import Work
-from skyarm.studies.sweep.design import Draws, values
+from skyarm.studies.sweep.design import Design, values
 from skyarm.studies.sweep.distributions import Distribution, distribution_from
 from skyarm.studies.sweep.plan import fastest_plant
 from skyarm.studies.trial.facts import DURATION, PAPER, Setting, setting_of, setting_of_scenario
@@ -127,7 +127,7 @@ class TrialFlights(CellFlights):
         """Numbers of the flights: parameter path -> values (flights,)."""
         count, rows = self.trial.flights, [self.trial.numbers_of(self.setting, value) for value in self.points]
         numbers = {path: np.repeat([row[path] for row in rows], count) for path in rows[0]}
-        drawn = values(Draws(vary=self.trial.vary, episodes=count, seed=self.seed), np.arange(count))
+        drawn = values(Design(vary=self.trial.vary, episodes=count, seed=self.seed), np.arange(count))
         return numbers | {path: np.tile(column, len(self.points)) for path, column in drawn.items()}
 
     def episodes(self, scenario: Scenario) -> int:

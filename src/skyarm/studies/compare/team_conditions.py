@@ -18,7 +18,7 @@ from skyarm.reference.signals import Constant, Shifted, Signal, with_signals
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.studies.compare.cell_flights import Document, Record
 from skyarm.studies.compare.suite import Condition, library_rows
-from skyarm.studies.sweep.design import Draws, values
+from skyarm.studies.sweep.design import Design, values
 from skyarm.studies.sweep.distributions import distribution_from
 from skyarm.studies.trial.trial import with_entries
 
@@ -147,7 +147,7 @@ class TeamCondition(Condition):
         several = {"masses": [*agents, name], "wind": [*AXES[:2]]}
         spread = {f"{each}_{part}": table for each, table in self.vary.items() for part in several.get(each, [""])}
         vary = {path: distribution_from(table, path) for path, table in spread.items()}
-        draws = Draws(vary=vary, episodes=self.episodes, seed=seed)
+        draws = Design(vary=vary, episodes=self.episodes, seed=seed)
         drawn, found = values(draws, np.arange(self.episodes)), dict[str, Array]()
         if "masses" in self.vary:
             found[f"world.objects.{name}.mass"] = float(given.body.mass) * drawn[f"masses_{name}"]

@@ -28,7 +28,7 @@ BLOCK = 2**16
 
 
 @immutable(slots=False)
-class Draws:
+class Design:
     """Parameters that differ from episode to episode.
 
     Attributes:
@@ -50,11 +50,11 @@ class Draws:
         return finite(self.vary) if self.design == "grid" else {}
 
 
-def values(draws: Draws, episodes: npt.ArrayLike) -> dict[str, Array]:
+def values(draws: Design, episodes: npt.ArrayLike) -> dict[str, Array]:
     """Values of the varied parameters: parameter path -> values (episodes,).
 
     Args:
-        draws: what is drawn, and its design.
+        draws: what is drawn, and how.
         episodes: numbers of the episodes.
     """
     numbers = np.asarray(episodes, dtype=np.int64)
@@ -72,7 +72,7 @@ def values(draws: Draws, episodes: npt.ArrayLike) -> dict[str, Array]:
     return with_derived(columns, draws.derived)
 
 
-def _unit(draws: Draws, episodes: IntArray, index: int) -> Array:
+def _unit(draws: Design, episodes: IntArray, index: int) -> Array:
     """Random numbers in (0, 1), one per episode, for one dimension of the experimental design."""
     if draws.design != "sobol":
         return uniform(draws.seed, episodes, FIRST_CHANNEL + index, 0)
@@ -82,7 +82,7 @@ def _unit(draws: Draws, episodes: IntArray, index: int) -> Array:
     return (shifted.astype(np.float64) + 0.5) * 2.0**-BITS
 
 
-def extremes(draws: Draws) -> dict[str, tuple[float, float, int, int]]:
+def extremes(draws: Design) -> dict[str, tuple[float, float, int, int]]:
     """Smallest and largest value of each varied or derived parameter, and the episodes that have them, by path."""
     ranges: dict[str, tuple[float, float, int, int]] = {}
     for start in range(0, draws.episodes, BLOCK):

@@ -10,7 +10,7 @@ from typing import Any
 from skyarm.log.metrics.windows import Windows
 from skyarm.records.immutable import immutable
 from skyarm.scenario.scenario_record import Scenario
-from skyarm.studies.sweep.design import Draws
+from skyarm.studies.sweep.design import Design
 from skyarm.studies.sweep.expressions import is_own_name
 
 DESIGNS = ("random", "grid", "sobol")
@@ -26,7 +26,7 @@ class StudyError(ValueError):
 
 
 @immutable(slots=False)
-class Study(Draws):
+class Study(Design):
     """Definition of a parameter sweep: scenario, controllers, distributions, metrics and seed.
 
     Attributes:
