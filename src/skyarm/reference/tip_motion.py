@@ -128,7 +128,7 @@ def rotation_row(turns: Iterable[tuple[Scalar, Scalar]], axis: int) -> Vec3:
 
 
 def rotation_columns(turns: Sequence[tuple[Scalar, Scalar]]) -> tuple[Vec3, Vec3, Vec3]:
-    """Columns of that rotation."""
+    """Columns of the rotation R_z(yaw) R_y(pitch) R_x(roll), from cosine and sine of roll, pitch and yaw."""
     x, y, z = zip(*(rotation_row(turns, axis) for axis in range(3)), strict=True)
     return Vec3(*x), Vec3(*y), Vec3(*z)
 

@@ -273,6 +273,27 @@ def test_gains_of_an_entry_are_of_the_law_of_the_scenario_alone(file: Path) -> N
         load_suite(file, only=["mass"]).plan_cells()
 
 
+@pytest.mark.parametrize("entries", ["entries.agents.left.controller.bandwidth = 0.3", "entries.agents = 3"])
+def test_gains_of_a_member_are_of_the_law_of_the_scenario_too(file: Path, entries: str) -> None:
+    file.write_text(
+        f'[suite]\nlaws = ["indi"]\n[[trials]]\nname = "bar"\nscenario = "two_hold_a_bar"\n{entries}\n', "utf-8"
+    )
+    words = "entries.controller is of the law 'own' alone" if "left" in entries else "agents = 3"
+    with pytest.raises(ValueError, match=re.escape(words)):
+        load_suite(file).plan_cells()
+
+
+def test_laws_of_the_command_may_be_files_of_gains_but_no_misspelt_name(file: Path) -> None:
+    gains = file.parent / "tuned.toml"
+    gains.write_text('schema = 1\n[law]\npreset = "paper_ct"\n[gains]\n"gains.position" = 8.0\n', "utf-8")
+    cells, refused = suite_of(file, [str(gains), "own"], "--laws", only=["mass"]).plan_cells()
+    tuned, _ = cells
+    assert refused == {}
+    assert tuple(tuned.scenario().agent.controller.par.gains.position) == (8.0, 8.0, 8.0)
+    with pytest.raises(ValueError, match="--laws = 'paper_ctt': did you mean 'paper_ct'"):
+        suite_of(file, ["paper_ctt"], "--laws")
+
+
 def test_a_vehicle_beside_scenarios_alone_is_refused(file: Path) -> None:
     with pytest.raises(ValueError, match="--vehicle = 'pelican_arm2': must be left out: every trial has a scenario"):
         load_suite(file, only=["mass"], vehicle="pelican_arm2")

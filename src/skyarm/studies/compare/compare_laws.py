@@ -8,6 +8,7 @@ from typing import Any
 
 from skyarm.records.files import PathLike
 from skyarm.records.immutable import immutable
+from skyarm.scenario.controller_table import is_gains_file
 from skyarm.scenario.scenario_file import kind_of_file
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.studies.compare.cell_flights import Document
@@ -99,7 +100,8 @@ def suite_of(what: Scenario | PathLike, names: Sequence[str] | None, field: str,
         options["entrants"] = chosen_entrants(names, field)
     elif names is not None:
         # of an own scenario any controller flies
-        own = OWN if what == CONTACT else () if kind else ("own",) if file else names
+        of_suite = ("own", *filter(is_gains_file, names))
+        own = OWN if what == CONTACT else () if kind else of_suite if file else names
         options["laws"] = names if kind is TeamSuite else chosen_laws(names, field, own)
     if file:
         return load_suite(file, **options)

@@ -84,6 +84,13 @@ class SuiteTrial(Trial):
     success: Mapping[str, float] = field(default_factory=dict)
     windows: Windows = Windows()
 
+    @property
+    def states_controller(self) -> bool:
+        """True if the entries say something of a controller, of any vehicle."""
+        agents = self.entries.get("agents")
+        tables = [self.entries, *(agents.values() if isinstance(agents, dict) else ())]
+        return any("controller" in table for table in tables if isinstance(table, dict))
+
     def setting(self, suite: FileSuite, law: str) -> Setting:
         """Vehicle of the trial under a law, or the trial's scenario.
 
@@ -212,7 +219,7 @@ class FileSuite(Suite[TrialFlights]):
     def _cells(self, trial: SuiteTrial, law: str) -> list[TrialFlights]:
         if law == OWN and not trial.file:
             raise ControllerError("flies trials with a scenario, whose own law it is")
-        if law != OWN and "controller" in trial.entries:
+        if law != OWN and trial.states_controller:
             raise ControllerError("entries.controller is of the law 'own' alone; another law comes with its own gains")
         if law != OWN and not is_gains_file(law):
             given = trial.setting(self, OWN).hover
@@ -276,7 +283,7 @@ MEANING = "Means over the flights that came to their end, behind the count of su
 
 
 def _criterion(success: Mapping[str, float]) -> str:
-    """Text of what a successful flight is."""
+    """Text that says when a flight of a trial is a success."""
     limits = ((*metric_words(name), most) for name, most in success.items())
     return f"Success: {', '.join(f'{words} at most {most:g} {unit}'.rstrip() for words, unit, most in limits)}."
 
@@ -398,7 +405,7 @@ def _duration(table: Fields, usual: float | None) -> float | None:
 
 
 def _expressions(entry: object) -> Iterator[str]:
-    """Expressions in an entry."""
+    """Expressions in an entry of a scenario file."""
     match entry:
         case dict():
             yield from chain.from_iterable(map(_expressions, entry.values()))
