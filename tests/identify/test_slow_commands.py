@@ -52,8 +52,10 @@ def test_a_motion_between_the_samples_is_not_explained():
     assert explained_rotation(turning((10.23, 12.7, 13.9), every=0.004), QUAD, SPAN, 0.02) > 0.5
 
 
-@pytest.mark.parametrize("sign", [1.0, -1.0])
-def test_of_a_gyroscope_with_its_axes_exchanged_the_commands_are_not_accused(sign):
+@pytest.mark.parametrize(
+    ("axes", "signs"), [((1, 0), (1, 1)), ((1, 0), (1, -1)), ((1, 0), (-1, 1)), ((0, 1), (-1, -1))]
+)
+def test_of_a_gyroscope_with_exchanged_or_turned_axes_the_commands_are_not_accused(axes, signs):
     """That fault is looked for later, as one of the gyroscope."""
 
     def about_both(*tones):
@@ -61,7 +63,7 @@ def test_of_a_gyroscope_with_its_axes_exchanged_the_commands_are_not_accused(sig
         gyro, other = roll["gyro"], pitch["gyro"]
         speeds, more = (each["rotor_speed_commands"] for each in (roll, pitch))
         both = np.sqrt(speeds.values**2 + more.values**2 - HOVER**2)
-        turned = (gyro.values + other.values)[:, [1, 0, 2]] * [1.0, sign, 1.0]
+        turned = (gyro.values + other.values)[:, [*axes, 2]] * [*signs, 1.0]
         channels = {"gyro": (gyro, turned), "rotor_speed_commands": (speeds, both)}
         return roll.with_channels({name: dataclasses.replace(a, values=b) for name, (a, b) in channels.items()})
 

@@ -73,7 +73,7 @@ def explained_rotation(
         both = np.hstack([turned, columns_at(time - late, grid, torques)])
         with np.errstate(invalid="ignore"):  # of a torque that is constant
             related = doubles(np.nan_to_num(np.corrcoef(both.T)))
-        # a gyroscope whose axes are exchanged is a fault of its own, which is looked for later
-        exchanged = min(abs(related[0, 3]), abs(related[1, 2]))
-        best = max(best, related[0, 2], related[1, 3], exchanged)
+        # a gyroscope whose axes are exchanged, or turned about z, is a fault of its own, which is looked for later
+        exchanged, behind = min(abs(related[0, 3]), abs(related[1, 2])), min(-related[0, 2], -related[1, 3])
+        best = max(best, related[0, 2], related[1, 3], exchanged, behind)
     return float(best) ** 2
