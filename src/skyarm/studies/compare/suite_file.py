@@ -283,7 +283,7 @@ MEANING = "Means over the flights that came to their end, behind the count of su
 
 
 def _criterion(success: Mapping[str, float]) -> str:
-    """Text that says when a flight of a trial is a success."""
+    """Sentence with the largest values of the metrics of a successful flight."""
     limits = ((*metric_words(name), most) for name, most in success.items())
     return f"Success: {', '.join(f'{words} at most {most:g} {unit}'.rstrip() for words, unit, most in limits)}."
 
