@@ -34,3 +34,10 @@ def test_a_stepped_law_remembers_what_its_steps_need_and_nothing_else(steps, del
     assert len(memory.sent) == (delay + 1 if steps >= OBSERVER else 0)
     assert len(memory.channels) == (4 + ARM2.n if steps >= EXTRAPOLATION else 0)
     assert (memory.started, memory.age) == (0.0, 0.0)
+
+
+def test_an_observer_without_an_accelerometer_keeps_nothing_of_one():
+    observed = make_controller("ct_ladder", MODEL, steps=OBSERVER).memory.observed
+    assert (observed.bias, observed.integrated, observed.joint_residuals) == ((), (), ())
+    # that of the flagship has one
+    assert make_controller("centroidal", MODEL).memory.observed.joint_residuals == (0.0,) * ARM2.n

@@ -121,6 +121,12 @@ def test_l1_compensates_half_of_the_weight_and_its_torque_on_one_side_of_the_rot
     assert (par.force_limit, par.torque_limit) == pytest.approx((0.5 * weight, 0.25 * weight * reach))
 
 
+@pytest.mark.parametrize("law", ["ct_ladder", "hybrid_ct"])
+def test_bandwidths_of_an_observer_are_of_force_torque_and_joints_in_this_order(law):
+    gains = make_controller(law, MODEL, observer=(20.0, 30.0, 50.0)).par.observer
+    assert (gains.force, gains.torque, gains.joints) == (20.0, 30.0, 50.0)
+
+
 def test_a_controller_is_named_as_its_law():
     for law in LAWS:
         # the centroidal law says which of its two modes flies
