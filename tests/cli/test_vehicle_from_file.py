@@ -91,8 +91,34 @@ def test_inertia_of_what_spins_has_its_source_beside_it(folder):
     saved(folder, text.replace("<linkName>p1<", "<jointName>f1</jointName><linkName>p1<"))
     assert skyarm("new", "vehicle", "mine", "--from", "r.urdf").code == 0
     written = (folder / "mine.toml").read_text("utf-8")
-    assert "\ninertia = 2e-05  # r.urdf: links of the rotors, about their axes\n" in written
+    source = "links of the rotors, about their axes, by rotorVelocitySlowdownSim = 10"
+    assert f"\ninertia = {2e-05 / 10}  # {source}\n" in written
     same(load_vehicle("mine.toml"), load_vehicle("r.urdf"))
+
+
+@pytest.mark.parametrize("endless", [[], [0], [1, 3], [0, 1, 2, 3]])
+def test_largest_thrusts_are_written_as_such_rotor_by_rotor(folder, endless):
+    """A site without a range states no thrust, whichever of the four it is."""
+    sites = "".join(f'<site name="s{k}" pos="{x} {y} 0"/>' for k, (x, y, _) in enumerate(PLACES))
+    ranges = ["" if k in endless else f'ctrllimited="true" ctrlrange="0 {7 + k}"' for k in range(4)]
+    gears = [f'gear="0 0 1 0 0 {0.01 * (-1) ** k}"' for k in range(4)]
+    motors = "".join(f'<motor site="s{k}" {gears[k]} {ranges[k]}/>' for k in range(4))
+    body = '<inertial pos="0 0 0" mass="1" diaginertia=".01 .01 .02"/>'
+    saved(
+        folder,
+        f'<mujoco><worldbody><body name="b"><freejoint/>{body}{sites}</body></worldbody>'
+        f"<actuator>{motors}</actuator></mujoco>",
+        "m.xml",
+    )
+    assert skyarm("new", "vehicle", "mine", "--from", "m.xml").code == 0
+    text = (folder / "mine.toml").read_text("utf-8")
+    for lag in ("time_constant_up", "time_constant_down"):
+        text = re.sub(rf"^# {lag} = .*$", f"{lag} = 0.02", text, flags=re.MULTILINE)
+    text = re.sub(r"^# max_speed = .*$", "max_speed = 800.0", text, flags=re.MULTILINE)
+    text = re.sub(r"^# thrust_coefficient = .*$", "thrust_coefficient = 1e-05", text, flags=re.MULTILINE)
+    rotors = load_vehicle(saved(folder, text, "filled.toml")).rotors
+    most = [each.thrust_coefficient * each.max_speed**2 for each in rotors]
+    assert most == pytest.approx([6.4 if k in endless else 7 + k for k in range(4)], rel=1e-12)
 
 
 def test_reading_it_back_gives_the_same_vehicle(folder):

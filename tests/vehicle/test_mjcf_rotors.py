@@ -75,6 +75,25 @@ def test_a_file_with_thrusts_alone_names_what_it_lacks(tmp_path):
     assert second.startswith("rotors rear: the file states no max_speed;")
 
 
+def test_a_largest_thrust_that_the_users_numbers_contradict_is_told(tmp_path):
+    """4 N of the first site; 1e-05 (500 rad/s)^2 are 2.5 N. Of the user's own three numbers one is too much."""
+    lags = "time_constant_up = 0.02\ntime_constant_down = 0.02\n"
+    both = "thrust_coefficient = 1e-05\nmax_speed = 500.0\n"
+    vehicle = loaded(tmp_path, model(SITES, THRUSTS), f"[rotor_defaults]\n{both}{lags}")
+    notes = [each for each in vehicle.notes if "at most in the file" in each]
+    fly = "at most in the file: thrust_coefficient and max_speed give 2.5 N, which fly"
+    assert notes == [f"rotors front: 8 N {fly}", f"rotors rear: 12 N {fly}"]
+    assert [each.thrust_coefficient * each.max_speed**2 for each in vehicle.rotors] == [2.5, 2.5]
+    own = 'schema = 1\nname = "v"\n[base]\nmass = 1.0\ninertia = [0.01, 0.01, 0.02]\n[rotor_defaults]\n'
+    own += f'moment_coefficient = 0.01\n{both}{lags}[[rotors]]\nname = "a"\nposition = [0.0, 0.0, 0.1]\n'
+    own += 'direction = "cw"\nmax_thrust = '
+    (tmp_path / "own.toml").write_text(own + "2.51\n", encoding="utf-8")  # as a data sheet rounds
+    assert load_vehicle(tmp_path / "own.toml").rotors[0].max_speed == 500
+    (tmp_path / "own.toml").write_text(own + "3.0\n", encoding="utf-8")
+    with pytest.raises(VehicleError, match=r"rotors\[a\]\.max_thrust = 3\.0: must be left out beside .* give 2\.5 N"):
+        load_vehicle(tmp_path / "own.toml")
+
+
 def test_a_wrench_at_a_site_is_no_rotor_and_a_free_torque_is_no_drag(tmp_path):
     up = '<motor name="up" site="front" gear="0 0 1 0 0 0"/>'
     wrench = f'<actuator>{up}<motor name="x" site="front" gear="{{}}"/></actuator>'

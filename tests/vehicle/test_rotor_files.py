@@ -80,6 +80,20 @@ def test_its_torque_is_that_of_its_own_formula(tmp_path):
         assert -rotor.direction * rotor.moment_coefficient == pytest.approx(spin * 1.17e-7 / 6.5e-06, rel=1e-14)
 
 
+@pytest.mark.parametrize(("bits", "reversed_ones"), [("", []), ("0", []), ("5", [0, 2]), ("255", [0, 1, 2])])
+def test_reversible_motors_of_px4(tmp_path, bits, reversed_ones):
+    """CA_R_REV of PX4's module.yaml: a bit for each motor, the lowest for the first."""
+    text = AIRFRAME + (f"param set-default CA_R_REV {bits}\n" if bits else "")
+    rotors = flying(tmp_path, "4000_frame", text, "arm_length = 0.25\n").rotors
+    assert [k for k, each in enumerate(rotors) if each.reversible] == reversed_ones
+
+
+@pytest.mark.parametrize("bits", ["-1", "4096", "1.5"])
+def test_a_bit_mask_of_reversible_motors_is_a_whole_number(tmp_path, bits):
+    with pytest.raises(VehicleError, match=r"CA_R_REV = .*: must be a whole number from 0 to 4095"):
+        flying(tmp_path, "4000_frame", f"{AIRFRAME}param set-default CA_R_REV {bits}\n", "arm_length = 0.25\n")
+
+
 def test_what_a_platform_lacks_is_said(tmp_path):
     vehicle = flying(tmp_path, "p.yaml", EAGLE, tables="")
     (gap,) = vehicle.gaps

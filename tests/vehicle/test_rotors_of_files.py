@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import mujoco
@@ -115,9 +116,42 @@ def test_what_spins_joins_the_base(tmp_path):
 
 
 @pytest.mark.parametrize(("roll", "about_the_axis"), [(0.0, 5.1e-5), (1.5707963267948966, 5e-5)])
-def test_spin_inertia_is_that_about_the_axis(tmp_path, roll, about_the_axis):
-    vehicle = load_vehicle(saved(tmp_path, quad(roll=roll)))
-    assert [float(each.inertia) for each in vehicle.rotors] == pytest.approx([about_the_axis] * 4, rel=1e-12)
+@pytest.mark.parametrize(
+    ("word", "slower"), [("", 10.0), ("<rotorVelocitySlowdownSim>4</rotorVelocitySlowdownSim>", 4)]
+)
+def test_spin_inertia_is_that_about_the_axis(tmp_path, roll, about_the_axis, word, slower):
+    """By the momentum in the simulation: its joint turns at the rotor's speed over the slowdown, 10 by default."""
+    vehicle = load_vehicle(saved(tmp_path, quad(roll=roll).replace("<momentConstant>", f"{word}<momentConstant>")))
+    momentum = about_the_axis * (600.0 / slower)
+    assert [float(each.inertia) * 600.0 for each in vehicle.rotors] == pytest.approx([momentum] * 4, rel=1e-12)
+    assert f"rotorVelocitySlowdownSim = {slower:g}" in dict(vehicle.sources)["rotors.inertia"]
+
+
+@pytest.mark.parametrize("slower", ["0", "-10", "nan"])
+def test_a_slowdown_of_a_motor_model_is_above_zero(tmp_path, slower):
+    word = f"<rotorVelocitySlowdownSim>{slower}</rotorVelocitySlowdownSim><momentConstant>"
+    with pytest.raises(VehicleError, match=r"rotorVelocitySlowdownSim = .*: must be (above 0|a finite number)"):
+        load_vehicle(saved(tmp_path, quad().replace("<momentConstant>", word)))
+
+
+def test_what_a_motor_model_leaves_to_its_simulator_is_noted(tmp_path):
+    """Defaults of RotorS' gazebo_motor_model.h and gz-sim's MulticopterMotorModel.cc."""
+    text = re.sub("<r(oll|otorD)[^/]*/[^>]*>", "", quad().replace("<rollingMomentCoefficient>1.5e-06", "<rolled>", 1))
+    vehicle = load_vehicle(saved(tmp_path, text))
+    drags = {(each.drag_coefficient, each.rolling_moment_coefficient) for each in vehicle.rotors}
+    assert drags == {(1e-4, 1e-6)}
+    (note,) = (each for each in vehicle.notes if "states no" in each)
+    words = "rotorDragCoefficient (0.0001), rollingMomentCoefficient (1e-06): the default of its plugin flies"
+    assert note == f"rotors fl, bl, br, fr: the file states no {words}"
+
+
+@pytest.mark.parametrize(
+    ("name", "signs"), [("libgazebo_motor_model.so", [1, -1] * 2), ("librotors_gazebo_motor_model.so", [1] * 4)]
+)
+def test_the_rolling_moment_has_the_sign_of_the_plugin(tmp_path, name, signs):
+    """PX4's Gazebo classic multiplies by turning_direction_, RotorS and gz-sim do not."""
+    vehicle = load_vehicle(saved(tmp_path, quad().replace("m.so", name)))
+    assert [float(each.rolling_moment) for each in vehicle.rotors] == [1.5e-06 * sign for sign in signs]
 
 
 WRONG = {

@@ -125,6 +125,24 @@ def test_blank_lines_before_the_declaration_are_skipped(tmp_path):
     assert loaded(tmp_path, "\n \n<?xml version='1.0'?>\n" + text).base == loaded(tmp_path, text).base
 
 
+@pytest.mark.parametrize("encoding", ["gb2312", "shift_jis", "latin-1", "UTF-8", "utf8"])
+def test_a_file_is_read_in_the_encoding_that_it_declares(tmp_path, encoding):
+    name = "caf\xe9" if encoding in ("latin-1", "UTF-8", "utf8") else "\u5c71"
+    text = f'<?xml version="1.0" encoding="{encoding}"?>' + robot(
+        link("hull"), link(name), joint("j", "hull", name, "")
+    )
+    (tmp_path / "r.urdf").write_bytes(text.encode(encoding))
+    assert [each.name for each in load_vehicle(tmp_path / "r.urdf").links] == [name]
+
+
+@pytest.mark.parametrize("encoding", ["gb2312", "none-such"])
+def test_a_file_that_is_not_in_its_encoding_is_refused_in_one_line(tmp_path, encoding):
+    text = f'<?xml version="1.0" encoding="{encoding}"?>' + robot(link("caf\xe9s"))
+    (tmp_path / "r.urdf").write_bytes(text.encode("latin-1"))
+    with pytest.raises(VehicleError, match=r"r\.urdf: XML = .*: must be well-formed$"):
+        load_vehicle(tmp_path / "r.urdf")
+
+
 def test_meshes_that_are_not_there_are_noted_and_packages_are_found(tmp_path):
     package = tmp_path / "arm_description"
     (package / "urdf").mkdir(parents=True)

@@ -202,7 +202,8 @@ MOTOR = "<jointName>rotor1</jointName><linkName>thrust1</linkName><turningDirect
 
 
 def test_what_a_source_has_read_is_in_no_note_and_other_plugins_are_named(tmp_path: Path) -> None:
-    motor = PLUGIN.format("motor", "libmotor.so", f"{MOTOR}<motorConstant>1e-5</motorConstant>")
+    drags = "<rotorDragCoefficient>1e-4</rotorDragCoefficient><rollingMomentCoefficient>0</rollingMomentCoefficient>"
+    motor = PLUGIN.format("motor", "libmotor.so", f"{MOTOR}<motorConstant>1e-5</motorConstant>{drags}")
     spun = thruster(1, "hull", "0 0 0", 1).replace('effort="100"', "")
     others = PLUGIN.format("odometry", "libodometry.so", ""), '<gazebo reference="hull"><mu1>1</mu1></gazebo>'
     vehicle = loaded(tmp_path, robot(HULL, spun, motor, *others))
@@ -410,6 +411,20 @@ def test_a_xacro_file_is_expanded_with_its_arguments(macros: Path) -> None:
     (macros / "r.xacro").write_text(MACROS, "utf-8")
     (macros / "w.toml").write_text(f"{whole}, {table}".replace(", ", "\n").replace("] NAME = VALUE", "]\nmass = 0.9"))
     assert float(load_vehicle(macros / "w.toml").mass) == pytest.approx(1.8)
+
+
+def test_an_argument_that_a_xacro_file_does_not_have_is_refused(macros: Path) -> None:
+    """Also where the right one has a default, and in the table of an arm that is attached."""
+    pytest.importorskip("xacrodoc", reason="needs the extra 'xacro'")
+    text = MACROS.replace('name="r">', 'name="r"><xacro:arg name="mass" default="0.5"/>')
+    with pytest.raises(VehicleError, match=r"xacro\.mas = '0\.35': is of no effect: did you mean 'mass'\?"):
+        loaded(macros, text, "[xacro]\nmas = 0.35\n", suffix=".urdf.xacro")
+    (macros / "on.toml").write_text(
+        'schema = 1\nname = "v"\nairframe = "hummingbird"\n[[attach]]\narm = "r.urdf.xacro"\nxacro = {maas = 0.1}\n',
+        "utf-8",
+    )
+    with pytest.raises(VehicleError, match=r"xacro\.maas = '0\.1': is of no effect"):
+        load_vehicle(macros / "on.toml")
 
 
 def test_all_missing_arguments_of_a_xacro_file_stand_in_one_line(macros: Path) -> None:

@@ -78,6 +78,8 @@ def _text(file: str, vehicle: Vehicle, bodies: RigidBodies | None, tip: str) -> 
         return render_template("vehicle/exported/riding.jinja", toml=toml_value, **words), False
     flying = mount_rotors(bodies, RotorTables(own={name: _any_values(each) for name, each in own.items()}))
     blocks = vehicle_text(replace(vehicle, rotors=flying.rotors), head, notes).split("\n\n")
+    # at a speed of 1, the thrust coefficient is the largest thrust
+    most = {each.name for each in bodies.rotors if "max_speed" in own[each.name] and MAX_THRUST in each.values}
     for k, block in enumerate(blocks):
         rotor = re.match(r'\[\[rotors]]\nname = "(.*)"', block)
         for field, gap in (own.get(rotor[1], {}) if rotor else gaps if block.startswith("[rotor_d") else {}).items():
@@ -85,11 +87,11 @@ def _text(file: str, vehicle: Vehicle, bodies: RigidBodies | None, tip: str) -> 
             if inner := field.partition(".")[2]:  # an entry of tilt = {...} behind its axis: left out
                 line, comment = rf"^(tilt = .*), {inner} = -?1\.0\b(.*)", rf"\1\2  # missing: {gap}"
             blocks[k] = re.sub(line, comment, blocks[k], flags=re.MULTILINE)
+        if rotor[1] in most if rotor else len(most) == len(own):
+            blocks[k] = blocks[k].replace("\nthrust_coefficient = ", f"\n{MAX_THRUST} = ")
     text = "\n\n".join(blocks).replace(
         "[rotor_defaults]", "[rotor_defaults]\nall_stated = true  # no default for a gap"
     )
-    if "max_speed" in gaps and MAX_THRUST in bodies.rotors[0].values:  # at a speed of 1, k_f is the largest thrust
-        text = text.replace("\nthrust_coefficient = ", f"\n{MAX_THRUST} = ")
     return text, False
 
 

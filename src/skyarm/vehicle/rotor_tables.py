@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import field, replace
 from functools import partial
 from typing import Any, get_args
@@ -25,6 +25,9 @@ from skyarm.vehicle.vehicle_records import Rolling, Rotor
 COEFFICIENTS = ("thrust_coefficient", "moment_coefficient")
 
 SENSES = {"ccw": 1, "cw": -1}
+
+ROUNDED = 0.01
+"""Relative difference below which a largest thrust agrees with coefficient and speed: data sheets round."""
 
 Values = Mapping[str, Any]
 
@@ -138,6 +141,8 @@ def mount_rotors(bodies: RigidBodies, tables: RotorTables) -> MountedRotors:
     }
     for name, origin in whole.items():
         _require_numbers(origin, values[name])
+    notes += tuple(_told(whole, lambda name: _default_words(whole[name])))
+    notes += tuple(_told(origins, lambda name: _other_thrust(origins[name], values[name])))
     still = _without_spin(bodies, (*stated.values(), *origins.values()))
     of_arm = {each.joint or _joint_of(bodies, each.link) for each in origins.values()}
     for joint in (each.joint for each in bodies.links if each.joint.name in of_arm):
@@ -201,7 +206,8 @@ def _spin(bodies: RigidBodies, rotor: StatedRotor) -> Values:
     for link in bodies.links:
         if rotor.joint and link.joint.name == rotor.joint:
             axis = link.joint.axis
-            return {"inertia": description.zero_is_structure(float(axis.dot(link.body.inertia.apply(axis))))}
+            inertia = float(axis.dot(link.body.inertia.apply(axis))) / rotor.slower
+            return {"inertia": description.zero_is_structure(inertia)}
     return {}
 
 
@@ -243,6 +249,34 @@ def _joints_below(bodies: RigidBodies, link: int) -> list[str]:
     if link == BASE:
         return []
     return [*_joints_below(bodies, bodies.links[link].parent), bodies.links[link].joint.name]
+
+
+def _told(rotors: Iterable[str], words_of: Callable[[str], str]) -> Iterator[str]:
+    """Notes on rotors, those of the same words in one line; none of empty words."""
+    told: dict[str, list[str]] = {}
+    for name in rotors:
+        told.setdefault(words_of(name), []).append(name)
+    return (f"rotors {', '.join(names)}: {words}" for words, names in told.items() if words)
+
+
+def _default_words(rotor: StatedRotor) -> str:
+    """Words on what the file of a rotor leaves to its simulator."""
+    words = ", ".join(rotor.assumed)
+    return f"the file states no {words}: the default of its plugin flies" if words else ""
+
+
+def _other_thrust(rotor: StatedRotor, values: Values) -> str:
+    """Words on a largest thrust of the file that its user's coefficient and speed contradict; refused of the user's."""
+    try:
+        given, follows = values[MAX_THRUST], values["thrust_coefficient"] * values["max_speed"] ** 2
+    except KeyError:
+        return ""
+    if math.isclose(given, follows, rel_tol=ROUNDED):
+        return ""
+    if given != rotor.values.get(MAX_THRUST):
+        words = f"must be left out beside thrust_coefficient and max_speed, which give {follows:.3g} N"
+        refuse(f"rotors[{rotor.name}].{MAX_THRUST}", given, words)
+    return f"{given:g} N at most in the file: thrust_coefficient and max_speed give {follows:.3g} N, which fly"
 
 
 def _rides_on(joints: Sequence[str]) -> str:

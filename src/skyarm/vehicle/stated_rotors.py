@@ -46,6 +46,8 @@ class StatedRotor:
         where: field -> where the number stood in the file, in words that fit every rotor of it.
         joint, tilt_joint: joint that spins it, and one that tilts it, which are no joints of an arm; "" if the file has
             none.
+        slower: ratio of its speed to that of the joint, as its simulator has it: the link's inertia counts by it.
+        assumed: words that the file leaves out and its simulator has a default of, which flies, with a note.
         absent: field -> why this form of file does not state it. It is a gap, also if a rotor could do without.
         at_mass: true of a rotor that pushes at its link's centre of mass in place of ``position``.
         elements: elements of an XML file that it was read from, which no note calls unread.
@@ -59,6 +61,8 @@ class StatedRotor:
     where: Mapping[str, str] = field(default_factory=dict)
     joint: str = ""
     tilt_joint: str = ""
+    slower: float = 1.0
+    assumed: tuple[str, ...] = ()
     absent: Mapping[str, str] = field(default_factory=dict)
     at_mass: bool = False
     elements: tuple[Any, ...] = ()

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import re
-from collections import defaultdict
 from collections.abc import Mapping
 from pathlib import Path
 
-from skyarm.records.files import needs_extra
-from skyarm.vehicle.check import VehicleError
+from skyarm.records.files import must_be_one_of, needs_extra
+from skyarm.vehicle.check import VehicleError, refuse
 
 GUESS = "1.0"
 """Value of an argument that is missing: this very text, so that a default of the file's is none."""
@@ -18,6 +17,26 @@ def _own_name(mark: Path) -> str:
     """Name of a package in its ``package.xml``, which need not be that of its folder; "" if it states none."""
     stated = re.search(r"<name>\s*(\S+?)\s*</name>", mark.read_text("utf-8", "replace"))
     return stated[1] if stated else ""
+
+
+class _Arguments(dict[str, str]):
+    """Values of a file's arguments by name, and the names that the file has looked up."""
+
+    def __init__(self, given: Mapping[str, str]) -> None:
+        super().__init__(given)
+        self.asked = dict[str, None]()
+
+    def __contains__(self, name: object) -> bool:
+        self.asked[str(name)] = None
+        return super().__contains__(name)
+
+    def __getitem__(self, name: str) -> str:
+        self.asked[name] = None
+        return super().__getitem__(name)
+
+    def __missing__(self, name: str) -> str:  # goes on behind an argument that nobody gave, to find all of them
+        self[name] = GUESS
+        return GUESS
 
 
 def expand_xacro(path: Path, arguments: Mapping[str, str]) -> bytes:
@@ -39,7 +58,7 @@ def expand_xacro(path: Path, arguments: Mapping[str, str]) -> bytes:
     packages.reset()
     marks = [mark for above in reversed(path.resolve().parents) for mark in above.glob("*/package.xml")]
     packages.update_package_cache({name: mark.parent for mark in marks for name in (mark.parent.name, _own_name(mark))})
-    given = defaultdict(lambda: GUESS, arguments)  # goes on behind an argument that nobody gave, to find all of them
+    given = _Arguments(arguments)
     fault = expanded = ""
     try:
         expanded = xacro.process_file(str(path), mappings=given).toxml()
@@ -51,4 +70,7 @@ def expand_xacro(path: Path, arguments: Mapping[str, str]) -> bytes:
         values = ", ".join(f"{name} = VALUE" for name in missing or ["NAME"])
         cure = f'schema = 1, name = "v", urdf = "{path.name}" and in the table [xacro] {values}'
         raise VehicleError(f"xacro: {fault}: must expand; a file v.toml beside it gives it its arguments: {cure}")
+    for name in arguments:  # xacro itself takes any
+        if name not in given.asked:
+            refuse(f"xacro.{name}", arguments[name], f"is of no effect: {must_be_one_of(given.asked, name)}")
     return expanded.encode()

@@ -19,6 +19,9 @@ UNBOUND_PREFIX = expat.errors.codes[expat.errors.XML_ERROR_UNBOUND_PREFIX]
 MARKUP = re.compile(rb"<!--(.*?)-->|<!\[CDATA\[.*?\]\]>|<\?.*?\?>", re.DOTALL)
 """Comments, and what may hold the sign of a comment without being one."""
 
+ENCODING = re.compile(rb"<\?xml\b[^>]*?\bencoding\s*=\s*[\"'](?!utf-8[\"'])([\w.-]+)", re.IGNORECASE)
+"""Encoding that an XML text declares, unless it is UTF-8."""
+
 COUNTS = {3: "three", 4: "four", 6: "six", 7: "seven"}
 
 
@@ -41,17 +44,22 @@ def parse_xml(text: bytes, note: Callable[[str], None] = _refuse) -> ET.Element:
         VehicleError: without the file's name, which the caller adds.
     """
     text = text.lstrip()
+    if declared := ENCODING.match(text):  # expat knows none of several bytes, such as GB2312
+        try:
+            text = text.decode(declared[1].decode()).encode()
+        except (LookupError, UnicodeError) as error:
+            _refuse(str(error))
     plain = MARKUP.sub(_plain_comment, text)
     if plain != text:
         note("'--' inside a comment: forgiven")
     for separator in (" ", None):  # first as prefixes ought to be, then as names that hold them
         tree = ET.TreeBuilder()
-        parser = expat.ParserCreate(namespace_separator=separator)
+        parser = expat.ParserCreate("utf-8" if declared else None, separator)
         parser.StartElementHandler, parser.EndElementHandler = tree.start, tree.end
         parser.CharacterDataHandler, parser.StartDoctypeDeclHandler = tree.data, _refuse_doctype
         try:
             parser.Parse(plain, True)
-        except (expat.ExpatError, LookupError) as error:  # the last: encodings
+        except expat.ExpatError as error:
             forgiven = getattr(error, "code", 0) == UNBOUND_PREFIX
             (note if forgiven else _refuse)(f"{error}{', which no xmlns declares: forgiven' if forgiven else ''}")
     return tree.close()

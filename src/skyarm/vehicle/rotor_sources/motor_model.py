@@ -26,6 +26,15 @@ WORDS = {
 }
 """Word of the plugin -> field of a rotor; both in SI units."""
 
+USUAL = {"rotorDragCoefficient": 1e-4, "rollingMomentCoefficient": 1e-6}
+"""Defaults with which the plugins fly where the file leaves these words out (RotorS, gazebo_motor_model.h; gz-sim)."""
+
+SLOWDOWN, SLOWER = "rotorVelocitySlowdownSim", "10"
+"""Ratio of a rotor's speed to that of its joint in the simulation, whose link has the more inertia; its default."""
+
+SIGNED = "libgazebo_motor_model.so"
+"""Plugin of PX4's Gazebo classic, whose rolling moment goes by the sense of rotation; that of the others does not."""
+
 SENSES = {"ccw": 1, "cw": -1, "1": 1, "-1": -1}
 
 
@@ -69,12 +78,18 @@ def _number_of_motor(plugin: ET.Element) -> float:
 
 def _rotor(plugin: ET.Element, joints: Sequence[str]) -> StatedRotor:
     field, name, values, where, absent = _field(plugin), text_of(plugin, "linkName"), {}, {}, {}
+    assumed: tuple[str, ...] = ()
     if not name:
         refuse(f"{field}.linkName", "(missing)", "must name the rotor's link")
     for word, ours in WORDS.items():
         if text := text_of(plugin, word):
             values[ours] = finite(text, f"{field}.{word}")
             where[ours] = f"{word} of the motor-model plugins"
+        elif word in USUAL:
+            values[ours], where[ours] = USUAL[word], f"default of {word} of the motor-model plugins"
+            assumed += (f"{word} ({USUAL[word]:g})",)
+    if plugin.get("filename", "").endswith(SIGNED):
+        values["rolling"], where["rolling"] = "signed", f"{SIGNED} of PX4"
     if sense := text_of(plugin, "turningDirection"):
         if sense not in SENSES:
             refuse(f"{field}.turningDirection", sense, "must be ccw or cw")
@@ -86,8 +101,22 @@ def _rotor(plugin: ET.Element, joints: Sequence[str]) -> StatedRotor:
         absent["thrust_coefficient"] = f"motorType is {kind}, of which thrust is not motorConstant w^2"
     if (joint := text_of(plugin, "jointName")) not in ("", *joints):
         refuse(f"{field}.jointName", joint, f"must be a joint of the file: {', '.join(joints) or 'it has none'}")
+    slower = finite(text_of(plugin, SLOWDOWN, SLOWER), f"{field}.{SLOWDOWN}")
+    if not slower > 0.0:
+        refuse(f"{field}.{SLOWDOWN}", slower, "must be above 0")
+    if joint:
+        where["inertia"] = f"links of the rotors, about their axes, by {SLOWDOWN} = {slower:g}"
     return StatedRotor(
-        name=name, link=name, values=values, where=where, joint=joint, absent=absent, at_mass=True, elements=(plugin,)
+        name=name,
+        link=name,
+        values=values,
+        where=where,
+        joint=joint,
+        slower=slower,
+        assumed=assumed,
+        absent=absent,
+        at_mass=True,
+        elements=(plugin,),
     )
 
 

@@ -1,4 +1,4 @@
-"""Rotors of PX4's control allocation: CA_ROTOR* in a parameter file, an airframe's shell file or a ULog.
+"""Rotors of PX4's control allocation: CA_ROTOR* and CA_R_REV in a parameter file, an airframe's shell file or a ULog.
 
 PX4's axes are forward, right, down; its places count from the centre of mass, and only their ratios matter to it, as
 only the sign of KM does. Source: PX4, src/modules/control_allocator/module.yaml and ActuatorEffectivenessRotors.cpp.
@@ -20,7 +20,8 @@ from skyarm.vehicle.stated_rotors import RotorFile, StatedRotor
 from skyarm.vehicle.xml_elements import finite
 
 STATED = re.compile(
-    r"^[ \t]*(?:param[ \t]+set(?:-default)?(?:[ \t]+-\w)*|\d+[ \t]+\d+)[ \t]+(CA_ROTOR\w+)[ \t]+(\S+)", re.MULTILINE
+    r"^[ \t]*(?:param[ \t]+set(?:-default)?(?:[ \t]+-\w)*|\d+[ \t]+\d+)[ \t]+(CA_R(?:OTOR\w+|_REV))[ \t]+(\S+)",
+    re.MULTILINE,
 )
 """Line of an airframe's shell file, or of QGroundControl's parameter file."""
 
@@ -35,7 +36,11 @@ ABSENT = {
     "moment_coefficient": "CA_ROTOR*_KM counts by its sign only",
 }
 
+REVERSED = "CA_R_REV"
+"""Parameter with a bit for each rotor, the lowest for the first: set of one that turns backwards, too."""
+
 WHERE = {
+    "reversible": REVERSED,
     "direction": "sign of CA_ROTOR*_KM",
     "position": "CA_ROTOR*_PX, PY, PZ from the base's origin, to PX4 the centre of mass, scaled to arm_length",
 }
@@ -44,11 +49,14 @@ WHERE = {
 def px4_rotors(file: RotorFile) -> tuple[StatedRotor, ...]:
     """Rotors of PX4's parameters, by their numbers; their places are scaled by ``arm_length`` (m), the longest arm."""
     stated = _parameters(file.path) if file.content is None and file.path.suffix not in (".yaml", ".yml") else {}
-    if not stated:
+    if not stated.keys() - {REVERSED}:
         return ()
     count = stated.get("CA_ROTOR_COUNT", 0.0)
     if count not in range(1, MOST + 1):
         refuse("CA_ROTOR_COUNT", count, f"must be 1 ... {MOST}")
+    backwards = stated.get(REVERSED, 0.0)
+    if backwards not in range(2**MOST):
+        refuse(REVERSED, backwards, f"must be a whole number from 0 to {2**MOST - 1}: a bit for each rotor")
     rotors = [[stated.get(f"CA_ROTOR{k}_{word}", USUAL[word]) for word in USUAL] for k in range(int(count))]
     longest = max(math.hypot(*each[:3]) for each in rotors)
     relative = f"[rotor_file] arm_length, m, scales them: the longest arm is {longest:g} in the file"
@@ -60,7 +68,8 @@ def px4_rotors(file: RotorFile) -> tuple[StatedRotor, ...]:
             f"rotor_{k}",
             position=description.vector([scale * x, -scale * y, -scale * z]),
             axis=description.unit_axis(f"CA_ROTOR{k}_AX, AY, AZ", [ax, -ay, -az]),
-            values={"direction": int(math.copysign(1, km))} if km else {},
+            values=({"direction": int(math.copysign(1, km))} if km else {})
+            | ({"reversible": True} if int(backwards) >> k & 1 else {}),
             where=WHERE,
             absent={**absent, "tilt": "CA_ROTOR*_TILT names a servo only"} if tilt else absent,
         )
@@ -82,6 +91,9 @@ def _parameters(path: Path) -> dict[str, float]:
             refuse("file", path.name, f"must be a log of PX4 ({type(error).__name__})")
     values: dict[str, float] = {}
     for name, text in pairs:
-        if name.startswith("CA_ROTOR") and values.setdefault(name, value := finite(str(text), name)) != value:
+        if (
+            name.startswith(("CA_ROTOR", REVERSED))
+            and values.setdefault(name, value := finite(str(text), name)) != value
+        ):
             refuse(name, text, f"stands twice, with {values[name]:g} before; must be one value")
     return values
