@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from skyarm.algebra import Mat3, Motion, Vec3
+from skyarm.algebra import ZERO3, Mat3, Motion, Vec3
 from skyarm.dynamics.composite_body import mass_matrix
 from skyarm.dynamics.newton_euler import inverse_dynamics
 from skyarm.plant.mujoco_model import joint_addresses
@@ -326,6 +326,30 @@ def test_what_has_no_limit_reads_back_without_or_is_named(form, tmp_path):
     assert not any(each.stop_stiffness for each in vehicle.joints)
     assert limited
     assert lost["stops or the end of a flight at limits"].endswith(": " + ", ".join(limited))
+
+
+def test_names_that_sdf_keeps_for_itself_are_others_in_the_file(tmp_path):
+    """libsdformat refuses "world", and "::" from version 1.8 on."""
+    vehicle = hummingbird_arm()
+    joint, hand = replace(vehicle.joints[0], name="arm::lift"), Frame(name="arm::hand", link=0, position=ZERO3)
+    links = (replace(vehicle.links[0], name="arm::upper", joint=joint), *vehicle.links[1:])
+    frames = (*vehicle.frames, hand, Frame(name="world", link=0, position=ZERO3))
+    vehicle = replace(vehicle, links=links, frames=frames)
+    path = written(vehicle, "sdf", tmp_path)
+    parts = [e.get("name", "") for e in ET.parse(path).getroot().find("model") if e.tag != "plugin"]
+    assert not [name for name in parts if name == "world" or "::" in name]
+    assert {"arm_upper", "arm_lift", "arm_hand", "world_"} < {*parts}
+    line = "names that SDF keeps for itself, here with _: arm::upper, arm::hand, world, arm::lift"
+    assert line in lost_lines(path)
+    for found, wanted in zip(dynamics(load_vehicle(path)), dynamics(vehicle), strict=True):
+        same(found, wanted)
+
+
+def test_a_large_effort_reads_back_from_a_urdf_file(tmp_path):
+    vehicle = hummingbird_arm()
+    links = (replace(vehicle.links[0], joint=replace(vehicle.joints[0], effort_limit=1500.0)), *vehicle.links[1:])
+    path = written(replace(vehicle, links=links), "urdf", tmp_path)
+    assert load_vehicle(path).joints[0].effort_limit == 1500.0
 
 
 def test_no_two_parts_of_an_sdf_file_have_one_name(tmp_path):

@@ -126,6 +126,25 @@ def test_an_equality_of_joints_locks_or_couples_the_second_finger(tmp_path):
     assert (follower.link.joint.name, follower.leader, follower.ratio, follower.offset) == ("right", 0, -1.0, 0.002)
 
 
+@pytest.mark.parametrize("driven", ["left", "right", "both"])
+def test_of_two_tied_joints_the_driven_one_leads(tmp_path, driven):
+    """MuJoCo's equality binds both joints; a gripper's file drives either. Places of both by MuJoCo's relation."""
+    names = ["left", "right"] if driven == "both" else [driven]
+    motors = "".join(f'<position name="m_{name}" joint="{name}" kp="200" forcerange="-30 30"/>' for name in names)
+    saved(tmp_path, model(FINGERS, f"{TIED}<actuator>{motors}</actuator>"))
+    toml = 'schema = 1\nname = "v"\nmjcf = "m.xml"\nmimic = "couple"\n'
+    vehicle = load_vehicle(saved(tmp_path, toml, "v.toml"))
+    (follower,) = vehicle.followers
+    lead = "right" if driven == "right" else "left"
+    assert [link.joint.name for link in vehicle.links] == [lead]
+    assert (len(vehicle.drives), vehicle.joints[0].effort_limit) == (1, 30.0)
+    q = 0.013
+    right, left = (q, follower.ratio * q + follower.offset)[:: 1 if lead == "right" else -1]
+    assert right == pytest.approx(0.002 - left, abs=1e-15)
+    lost = [note for note in vehicle.notes if "which follows another one: not read" in note]
+    assert lost == (["actuator m_right: at joint right, which follows another one: not read"] * (driven == "both"))
+
+
 def test_what_follows_a_joint_that_is_held_is_held_where_that_puts_it(tmp_path):
     chain = '<equality><joint joint1="left" joint2="right" polycoef="0.001 -1 0 0 0"/>'
     held = chain + '<joint joint1="right" polycoef="0.002 0 0 0 0"/></equality>'

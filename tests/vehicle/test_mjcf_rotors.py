@@ -139,6 +139,70 @@ def test_hinges_along_the_thrust_spin_rotors_and_driven_ones_across_tilt_them(tm
     assert any("tilts a rotor, whose hub is 50 mm beside its axis" in note for note in vehicle.notes)
 
 
+PAIR = TILTED.replace('<site name="t"', '<site name="low" pos="0 0 -0.05"/><site name="t"')
+COAXIAL = HINGED.replace('<motor site="t"', '<motor site="low" gear="0 0 1 0 0 0.1" ctrlrange="0 8"/><motor site="t"')
+
+
+@pytest.mark.parametrize("tied", [False, True])
+def test_a_hinge_that_tilts_several_rotors_is_no_tilt_of_each(tmp_path, tied):
+    """MuJoCo's model has one degree of freedom there; a tilt here is of one rotor. Places by MuJoCo, the hinge held."""
+    other = TILTED.replace("nacelle", "boom").replace('"tilt"', '"bend"').replace('"t"', '"low"').replace("-0.2", "0.3")
+    inside = SPUN + (TILTED + other if tied else PAIR)
+    tie = '<equality><joint joint1="bend" joint2="tilt"/></equality>' if tied else ""
+    drive = '<position joint="bend" kp="3"/><motor site="low"' if tied else '<motor site="low"'
+    after = COAXIAL.replace('<motor site="low"', drive) + tie
+    (tmp_path / "m.xml").write_text(model(inside, after))
+    gap = load_vehicle(tmp_path / "m.xml").gaps[-1]
+    assert gap.startswith("rotors low, t: ride on a link that joint tilt moves" if not tied else "rotors ")
+    held = 'mimic = "couple"\n' + FILLED + '[[joints]]\nname = "tilt"\nhold = 0.4\n'
+    vehicle = loaded(tmp_path, model(inside, after), held)
+    assert [each.name for each in vehicle.rotors] == ["s", "low", "t"]
+    assert not any(each.tilt for each in vehicle.rotors)
+    plant = mujoco.MjModel.from_xml_string(model(inside, after))
+    data = mujoco.MjData(plant)
+    data.joint("tilt").qpos = 0.4
+    if tied:
+        data.joint("bend").qpos = 0.4
+    mujoco.mj_forward(plant, data)
+    for rotor in vehicle.rotors[1:]:
+        where = data.site(rotor.name)
+        np.testing.assert_allclose(np.array(rotor.position), where.xpos - [0, 0, 1], rtol=0, atol=1e-14)
+        np.testing.assert_allclose(np.array(rotor.axis), where.xmat.reshape(3, 3)[:, 2], rtol=0, atol=1e-14)
+
+
+def test_a_riding_rotor_is_at_its_site_although_a_body_has_its_name(tmp_path):
+    leaning = SPUN.replace('axis="0 0 1"', 'axis="0 0.6 0.8"').replace(
+        'name="s"', 'name="prop" pos="0 0 0.1" euler="0.2 0 0"'
+    )
+    motor = '<actuator><motor site="prop" gear="0 0 1 0 0 0.1" ctrlrange="0 8"/></actuator>'
+    vehicle = loaded(tmp_path, model(leaning, motor), FILLED + '[[joints]]\nname = "spin"\nhold = 0.3\n')
+    plant = mujoco.MjModel.from_xml_string(model(leaning, motor))
+    data = mujoco.MjData(plant)
+    data.joint("spin").qpos = 0.3
+    mujoco.mj_forward(plant, data)
+    (rotor,), where = vehicle.rotors, data.site("prop")
+    np.testing.assert_allclose(np.array(rotor.position), where.xpos - [0, 0, 1], rtol=0, atol=1e-15)
+    np.testing.assert_allclose(np.array(rotor.axis), where.xmat.reshape(3, 3)[:, 2], rtol=0, atol=1e-15)
+
+
+def test_an_actuator_that_is_a_plugin_is_named_and_gives_nothing(tmp_path):
+    """Of MuJoCo's own pid, whose range of control is an angle: 1.5 rad was read as 1.5 N m."""
+    pid = (
+        '<extension><plugin plugin="mujoco.pid"><instance name="p"><config key="kp" value="40"/></instance></plugin>'
+        "</extension>"
+    )
+    act = '<actuator><plugin name="a" joint="j" plugin="mujoco.pid" instance="p" actdim="0" ctrlrange="-1.5 1.5"/>'
+    vehicle = loaded(tmp_path, model(ARM.format(""), f"{act}</actuator>", before=pid))
+    assert (vehicle.drives, vehicle.joints[0].effort_limit) == ((), 0)
+    assert any(note.startswith("actuator a: muscle, damper, dcmotor, plugin") for note in vehicle.notes)
+
+
+@pytest.mark.parametrize("word", ['slewmax="1"', 'ki="2" imax="0.5"', 'delay="0.02" nsample="30"'])
+def test_what_a_servo_of_a_file_loses_is_named(tmp_path, word):
+    vehicle = loaded(tmp_path, model(ARM.format(""), f'<actuator><pid name="a" joint="j" kp="10" {word}/></actuator>'))
+    assert any(note.startswith("actuator a: with a delay, slewmax or imax: not read") for note in vehicle.notes)
+
+
 def test_a_rotor_on_an_arm_is_a_gap_until_its_joint_is_held(tmp_path):
     leaning = SPUN.replace('axis="0 0 1"', 'axis="0 0.6 0.8"')
     motor = '<actuator><motor site="s" gear="0 0 1 0 0 0.1" ctrllimited="true" ctrlrange="0 8"/></actuator>'
@@ -201,7 +265,9 @@ def test_actuators_without_a_counterpart_are_named(tmp_path, kind):
     text, effort = OTHER_ACTUATORS[kind]
     vehicle = loaded(tmp_path, model(ARM.format(""), f"<actuator>{text}</actuator>"))
     assert (vehicle.drives, vehicle.joints[0].effort_limit) == ((), effort)
-    assert any(note.startswith("actuator a: muscle, damper, dcmotor, or with a filter") for note in vehicle.notes)
+    assert any(
+        note.startswith("actuator a: muscle, damper, dcmotor, plugin, or with a filter") for note in vehicle.notes
+    )
 
 
 def test_motors_at_a_free_joint_uneven_ranges_and_its_defaults_are_notes(tmp_path):

@@ -22,7 +22,7 @@ from skyarm.vehicle import description
 from skyarm.vehicle.attach import BodyTree, Mimic, Notes, RigidBodies, at_origin, follow, held_pose, posed_in
 from skyarm.vehicle.check import VehicleError, refuse
 from skyarm.vehicle.linkage import Body, Joint
-from skyarm.vehicle.mjcf_actuators import AT_JOINT, effort_of, name_of, read_drives
+from skyarm.vehicle.mjcf_actuators import AT_JOINT, at_joint, effort_of, name_of, read_drives
 from skyarm.vehicle.rotor_sources.mujoco_thrust import SITE, MujocoVehicle
 from skyarm.vehicle.stated_rotors import RotorFile, rotors_in
 from skyarm.vehicle.vehicle_records import Frame
@@ -38,6 +38,7 @@ class _Tree(BodyTree):
     Attributes:
         seats: frame of each body. balls: ball joints, at rest.
         of_rotors: joints that spin or tilt rotors. carrying: links and sites that carry rotors.
+        sites: site -> name of its frame, which is another one where a body has the site's.
     """
 
     def __init__(self, model: MjModel, coupled: bool, notes: Notes) -> None:
@@ -47,6 +48,7 @@ class _Tree(BodyTree):
         self.of_rotors: set[str] = set()
         self.carrying: set[str] = set()
         self.balls: set[str] = set()
+        self.sites: dict[str, str] = {}
         self.named = {name_of(model, "body", body) for body in range(1, model.nbody)}
 
     def unique(self, name: str) -> str:
@@ -83,10 +85,11 @@ def read_mjcf(path: Path, mimic: str = "lock", base: str = "") -> RigidBodies:
     for body in range(1, model.nbody):
         if body != root and model.body_parentid[body] in tree.seats and body not in left_out:
             _read_child(tree, body)
+    rotors = tuple(replace(each, link=tree.sites.get(each.link, each.link)) for each in rotors)
     title = model.names[: model.names.index(b"\0")].decode() or path.stem
     bodies = tree.bodies(title, name_of(model, "body", root) if root else "world", tree.coupled)
     driven = {link.joint.name for link in tree.links} - tree.of_rotors - set(bodies.mimics)
-    drives = read_drives(model, driven, notes)
+    drives = read_drives(model, driven, tree.mimics, notes)
     pose = (Mat3.identity(), ZERO3)
     if root and not _joints(model, root):
         pose = (_rotation(model.body_quat[root]), description.vector(model.body_pos[root]))
@@ -236,7 +239,8 @@ def _read_body(tree: _Tree, body: int) -> None:
         name = name_of(model, "site", site)
         if model.site_bodyid[site] == body and (model.site(site).name or name in tree.carrying):
             pose = _rotation(model.site_quat[site]), description.vector(model.site_pos[site])
-            tree.frames.append(posed_in(at, *pose, tree.unique(name)))
+            tree.sites[name] = tree.unique(name)
+            tree.frames.append(posed_in(at, *pose, tree.sites[name]))
 
 
 def _rotation(wxyz: Array) -> Mat3:
@@ -295,7 +299,11 @@ def mimics_of(model: MjModel) -> dict[str, Mimic]:
             refuse(f"equality of joint[{name}].polycoef", numbers, "must be a straight line: two numbers, then zeros")
         if name in mimics:
             refuse(f"equality of joint[{name}]", "two of them", "must be at most one")
-        mimics[name] = Mimic(name_of(model, "jnt", other) if other >= 0 else "", numbers[1], numbers[0])
+        leader, (offset, ratio) = name_of(model, "jnt", other) if other >= 0 else "", numbers[:2]
+        driven = other >= 0 and at_joint(model, model.eq_obj1id[each]) and not at_joint(model, other)
+        if driven and ratio and leader not in mimics:  # MuJoCo's ties bind both: what is driven leads
+            name, leader, offset, ratio = leader, name, -offset / ratio, 1.0 / ratio
+        mimics[name] = Mimic(leader, ratio, offset)
     return mimics
 
 

@@ -36,13 +36,14 @@ def force_range(model: Any, actuator: int) -> tuple[float, float]:
 
 def is_plain(model: Any, actuator: int) -> bool:
     """True if an actuator's force is a number times its control."""
-    return model.actuator_gaintype[actuator] == FIXED and not model.actuator_biasprm[actuator].any()
+    alone = model.actuator_plugin[actuator] < 0  # a plugin's force follows from none of the model's numbers
+    return alone and model.actuator_gaintype[actuator] == FIXED and not model.actuator_biasprm[actuator].any()
 
 
 def is_servo(model: Any, actuator: int) -> bool:
     """True if an actuator's force is that of a motor or of a loop that pulls towards a setpoint."""
     known = model.actuator_gaintype[actuator] in (FIXED, PID) and model.actuator_biastype[actuator] < 2
-    return known and max(model.actuator_biasprm[actuator][1:3]) <= 0.0
+    return known and model.actuator_plugin[actuator] < 0 and max(model.actuator_biasprm[actuator][1:3]) <= 0.0
 
 
 def at_joint(model: Any, joint: int) -> list[int]:
@@ -68,17 +69,23 @@ def effort_of(model: Any, joint: int, notes: Notes) -> float:
     return total
 
 
-def read_drives(model: Any, joints: Collection[str], notes: Notes) -> dict[str, dict[str, Any]]:
+def read_drives(
+    model: Any, joints: Collection[str], following: Collection[str], notes: Notes
+) -> dict[str, dict[str, Any]]:
     """Servos of the joints: joint -> table as ``[drives.JOINT]`` of a vehicle file has it.
 
     Args:
         model: MuJoCo's model.
         joints: names of those that move.
+        following: names of those that an equality ties to others.
         notes: takes what is not read of their actuators.
     """
     drives: dict[str, dict[str, Any]] = {}
     for joint in range(model.njnt):
         name, actuators = name_of(model, "jnt", joint), at_joint(model, joint)
+        for each in actuators if name in following else ():
+            why = f"at joint {name}, which follows another one: not read"
+            notes.add(why, name_of(model, "actuator", each), "actuator")
         if not model.jnt_type[joint]:
             for each in actuators:
                 own = name_of(model, "actuator", each)
@@ -96,9 +103,13 @@ def read_drives(model: Any, joints: Collection[str], notes: Notes) -> dict[str, 
 def _gains(model: Any, actuator: int, notes: Notes) -> Array:
     """Torque per position error, per rate and per integral of the error that an actuator gives its joint; or zeros."""
     bias, kind, servo = model.actuator_biasprm[actuator], model.actuator_gaintype[actuator], is_servo(model, actuator)
+    name = name_of(model, "actuator", actuator)
     if not servo or (bias[0] and not bias[1]) or model.actuator_dyntype[actuator] not in (0, 6):
-        name = name_of(model, "actuator", actuator)
-        notes.add("muscle, damper, dcmotor, or with a filter or bias of its own: that is not read", name, "actuator")
+        why = "muscle, damper, dcmotor, plugin, or with a filter or bias of its own: that is not read"
+        notes.add(why, name, "actuator")
+    if model.actuator_delay[actuator] or (kind == PID and model.actuator_dynprm[actuator].any()):
+        why = "with a delay, slewmax or imax: not read; [drives] latency and speed_limit state a servo's"
+        notes.add(why, name, "actuator")
     integral = model.actuator_gainprm[actuator][0] if kind == PID else 0.0
     gains: Array = np.array([-bias[1], -bias[2], integral])
     return gains * (servo * float(model.actuator_gear[actuator][0]) ** 2)

@@ -79,6 +79,7 @@ def render_vehicle(form: str, vehicle: Vehicle, **values: Any) -> str:
         vehicle=vehicle,
         digits=_digits,
         shared=[name for name, times in names.items() if times > 1],
+        renamed=[name for name in names if name == WORLD or _plain_name(name) != name],
         limited=[name for name, ends in endless.items() if ends < 2],
         one_limit=[name for name, ends in endless.items() if ends == 1],
         rotors="\n".join(rotor_lines(vehicle.rotors)),
@@ -94,30 +95,40 @@ def _pieces(vehicle: Vehicle, *, one_space: bool) -> list[_Piece]:
         one_space: no link or frame may have the name of a joint.
     """
     require_plant(vehicle)
-    joints = _joint_names(vehicle)
+    plain = _plain_name if one_space else str
+    joints = [*map(plain, _joint_names(vehicle)), WORLD]
     taken, names = joints if one_space else [], list[str]()
     for link in vehicle.moving:
-        names.append(unused_name(link.name, taken))
+        names.append(unused_name(plain(link.name), taken))
         taken.append(names[-1])
     names.append(unused_name("base_link", [*taken, *_part_names(vehicle)]))
     base, spun = _with_rotor_links(vehicle)
     followers = {each.name: each for each in vehicle.followers}
     pieces = [_Piece(names[-1], body=base)]
-    for name, link in zip(names, vehicle.moving, strict=False):
+    for name, joint, link in zip(names, list(joints), vehicle.moving, strict=False):
         at, follower = link.joint, followers.get(link.name)
-        pose = names[link.parent], at.name, at.position, at.rotation  # BASE is the last name
+        pose = names[link.parent], joint, at.position, at.rotation  # BASE is the last name
         pieces.append(_Piece(name, *pose, link.body, at, follower))
     hubs = [
         Frame(name=each.name, link=BASE, position=each.position, rotation=_upright(each)) for each in vehicle.rotors
     ]
     for k, frame in enumerate((*hubs, *vehicle.frames)):
-        name = unused_name(frame.name, taken)
+        name = unused_name(plain(frame.name), taken)
         taken.append(name)
         joint = unused_name(f"{name}_joint", joints)
         joints.append(joint)
         spins = (spun, Joint(name=joint, axis=Vec3(0, 0, 1))) if k < len(hubs) else (None, None)
         pieces.append(_Piece(name, names[frame.link], joint, frame.position, frame.rotation, *spins))
     return pieces
+
+
+WORLD = "world"
+"""Name that SDF keeps for the world; "::" in a name stands between a model and its part."""
+
+
+def _plain_name(name: str) -> str:
+    """Name of a part in an SDF file."""
+    return name.replace("::", "_")
 
 
 def _joint_names(vehicle: Vehicle) -> list[str]:

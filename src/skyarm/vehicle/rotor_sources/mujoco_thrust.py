@@ -20,8 +20,8 @@ from skyarm.vehicle.attach import Notes
 from skyarm.vehicle.mjcf_actuators import at_joint, force_range, is_plain, name_of
 from skyarm.vehicle.stated_rotors import LAGS, MAX_THRUST, RotorFile, StatedRotor
 
-SITE, FILTERS, HINGE = 4, (2, 3), 3
-"""MuJoCo's enumeration values of a transmission, of filters of a control, and of a joint."""
+SITE, FILTERS, HINGE, EQUAL_JOINTS = 4, (2, 3), 3, 2
+"""MuJoCo's enumeration values of a transmission, of filters of a control, of a joint, and of an equality."""
 
 ALONG = 1e-6
 """Sine or cosine of an angle up to which two axes count as parallel or perpendicular."""
@@ -120,12 +120,26 @@ def _values(model: Any, actuator: int) -> dict[str, Any]:
 
 
 def _role(vehicle: MujocoVehicle, joint: int, thrust: Array, hub: Array) -> str:
-    """Field of a rotor that names a joint below it: a hinge that spins it, or a driven one that tilts it; else ""."""
+    """Field of a rotor that names a joint below it: a hinge that spins it, or a driven one that tilts it; else "".
+
+    What tilts several rotors, or is tied to another joint, is no tilt of one: they ride on it.
+    """
     axis, hinge = vehicle.data.xaxis[joint], vehicle.model.jnt_type[joint] == HINGE
     beside = np.cross(axis, hub - vehicle.data.xanchor[joint])
     if hinge and np.linalg.norm(np.cross(axis, thrust)) <= ALONG and np.linalg.norm(beside) <= BESIDE:
         return "joint"
-    return "tilt_joint" if hinge and abs(axis @ thrust) <= ALONG and at_joint(vehicle.model, joint) else ""
+    tilts = hinge and abs(axis @ thrust) <= ALONG and at_joint(vehicle.model, joint)
+    return "tilt_joint" if tilts and _is_of_one(vehicle.model, joint) else ""
+
+
+def _is_of_one(model: Any, joint: int) -> bool:
+    """True for a joint that no equality ties to another one, and that moves one site with actuators."""
+    carried, tied = {model.jnt_bodyid[joint]}, model.eq_type == EQUAL_JOINTS
+    for body in range(model.nbody):
+        carried |= {body} if model.body_parentid[body] in carried else set()
+    sites = set(model.actuator_trnid[model.actuator_trntype == SITE, 0].tolist())
+    pushed = [site for site in sites if model.site_bodyid[site] in carried]
+    return len(pushed) == 1 and joint not in (*model.eq_obj1id[tied], *model.eq_obj2id[tied])
 
 
 def _tilt(vehicle: MujocoVehicle, joint: int, turned: Array) -> dict[str, Any]:
