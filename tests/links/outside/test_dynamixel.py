@@ -216,6 +216,11 @@ def test_setpoints_that_are_not_renewed_are_not_sent_on(sdk, tables):
         put(tables[1], 102, 0, 2)
         time.sleep(0.02)
         assert get(tables[1], 102, 2) == 0
+        # the law goes on: its torques act in the mode of torques again
+        sdk.writes.clear()
+        arm.send((0.5, 0.5), 0.0)
+        settle(lambda: get(tables[1], 102, 2) != 0)
+        assert sdk.writes == [(k, at, value) for k in (1, 2) for at, value in ((64, 0), (11, 0), (64, 1))]
     finally:
         arm.close()
 

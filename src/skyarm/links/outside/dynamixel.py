@@ -88,6 +88,7 @@ class DynamixelJoints(JointLink):
         address, size = (GOAL_POSITION, 4) if bus.torque is None else (GOAL_CURRENT, 2)
         self._goals: Any = sdk.GroupSyncWrite(self._port, self._packets, address, size)
         self._size = size
+        self._own_mode = self._mode = POSITION_MODE if bus.torque is None else CURRENT_MODE
         self._currents: list[float] = []
         self._newest: JointReading | None = None
         self._setpoints: tuple[float, ...] | None = None
@@ -146,9 +147,8 @@ class DynamixelJoints(JointLink):
             JointPortError: a servo does not answer.
         """
         bus = self._bus
-        mode = POSITION_MODE if bus.torque is None else CURRENT_MODE
         for number in bus.ids:
-            done = self._write(number, TORQUE_ENABLE, 0) and self._write(number, OPERATING_MODE, mode)
+            done = self._write(number, TORQUE_ENABLE, 0) and self._write(number, OPERATING_MODE, self._mode)
             done = done and self._write(number, BUS_WATCHDOG, 0) and self._write(number, BUS_WATCHDOG, WATCHDOG)
             model, _, _ = self._packets.ping(self._port, number)
             at = f"--joints: servo {number} on {shown(bus.device)}"
@@ -189,6 +189,8 @@ class DynamixelJoints(JointLink):
         if setpoints is not None and old:
             self._hold()
         elif setpoints is not None:
+            if self._mode != self._own_mode:  # it held its place while none came
+                self._switch(self._own_mode)
             for number, unit, setpoint in zip(self._bus.ids, self._currents, setpoints, strict=True):
                 ticks = self._ticks(setpoint, unit) & (1 << 8 * self._size) - 1
                 self._goals.addParam(number, list(ticks.to_bytes(self._size, "little")))
@@ -197,9 +199,14 @@ class DynamixelJoints(JointLink):
 
     def _hold(self) -> None:
         """Command every servo to hold its present position."""
+        self._switch(POSITION_MODE)
+
+    def _switch(self, mode: int) -> None:
+        """Set the operating mode of every servo, which is possible while its torque is off only."""
+        self._mode = mode
         for number in self._bus.ids:
             self._write(number, TORQUE_ENABLE, 0)
-            self._write(number, OPERATING_MODE, POSITION_MODE)
+            self._write(number, OPERATING_MODE, mode)
             self._write(number, TORQUE_ENABLE, 1)
 
     def _state(self, number: int) -> tuple[float, float] | None:
