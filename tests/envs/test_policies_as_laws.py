@@ -15,11 +15,15 @@ pytest.importorskip("gymnasium", reason="needs the extra 'gym'")
 from small_environments import bare, noisy, one_program_a_task
 
 import skyarm
+from skyarm.control.actuator_layer import plain_model
+from skyarm.control.catalogue import make_controller
 from skyarm.control.controller import ControllerError
 from skyarm.control.onboard.export_c import export_c
+from skyarm.control.safety import with_safety_layer
 from skyarm.envs import as_law, network
 from skyarm.envs.env_task import make_task
 from skyarm.envs.single_environment import Environment
+from skyarm.scenario.controller_table import on_actuators
 from support.cases import sampled
 from support.engines import Loaded
 
@@ -128,6 +132,28 @@ def test_a_network_is_tanh_between_affine_layers_held_within_one():
     wanted = B @ np.tanh(A @ ((x - [1.0, 0.0, 2.0, 0.0]) / [2.0, 1.0, 0.5, 1.0]) + a) + b
     assert found(tuple(x)) == pytest.approx(np.clip(wanted, -1.0, 1.0), rel=1e-12)
     assert network([(10.0 * np.eye(2), np.zeros(2))])((1.0, -1.0)) == (1.0, -1.0)
+
+
+def test_a_network_for_another_observation_is_refused_with_both_counts():
+    task = _task()
+    law = as_law([(np.zeros((4, 33)), np.zeros(4))], task)
+    with pytest.raises(ControllerError, match="policy: takes 33 numbers, must be 19 for this observation"):
+        skyarm.run(dataclasses.replace(task.scenario, controller=law))
+
+
+def test_a_policy_gets_no_second_actuator_layer():
+    """Its set points are the environment's; inverted once more as if they were torques, they are others."""
+    table = {"schema": 1, "name": "servos", "duration": 0.1, "controller": {"law": "decoupled_pd"}}
+    table["reference"] = {"base": {"kind": "hover", "position": [0.0, 0.0, 1.0]}, "joints": [0.1] * 5}
+    scenario = skyarm.scenario_from(table | {"plant": {"vehicle": "hexarotor12_arm5"}})
+    environment = Environment(scenario=scenario, actions="residual")
+    law = as_law(a_network(environment), environment)
+    model, period = scenario.agent.model, scenario.rates.period
+    assert on_actuators(law, model, period, servos=True) is law
+    safe = with_safety_layer(law)
+    assert on_actuators(safe, model, period, servos=True) is safe
+    plain = make_controller("decoupled_pd", plain_model(model))
+    assert on_actuators(plain, model, period, servos=True) is not plain
 
 
 ONE = (np.zeros((4, 19)), np.zeros(4))

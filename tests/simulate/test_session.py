@@ -260,6 +260,42 @@ def test_a_snapshot_before_the_end_undoes_the_end() -> None:
     assert same(session.log, wanted)
 
 
+@pytest.mark.parametrize("machine_code", [True, False])
+def test_a_stretch_never_goes_back(machine_code: bool) -> None:
+    session = Session(NOISY, machine_code=machine_code)
+    for _ in range(12):
+        session.step()
+    before = leaves(session.now)
+    assert session.fly(5)
+    assert session.fly(12)
+    assert (session.tick, leaves(session.now)) == (12, before)
+    assert same_logs(session.run(), run(NOISY))
+    assert not session.fly(5)
+
+
+def test_a_log_that_is_taken_in_flight_is_its_owners() -> None:
+    """Whoever turns it into millimetres changes neither the session nor another log of it."""
+    session = Session(NOISY)
+    for _ in range(5):
+        session.step()
+    first, second = session.log, session.log
+    for name in ("time", "position", "rotor_commands", "position_reference"):
+        getattr(first, name)[:] = 7.0
+    assert not (second.position == 7.0).any()
+    assert same_logs(session.run(), run(NOISY))
+
+
+def test_a_snapshot_brings_the_ranges_of_rotors_back() -> None:
+    session = Session(NOISY)
+    session.step()
+    held, fast = session.snapshot(), Command(rotor_speeds=(600.0,) * 4, efforts=(0.0, 0.0))
+    session.change({f"plant.vehicle.rotors.{k}.max_speed": 500.0 for k in range(4)})
+    with pytest.raises(ScenarioError, match="must be from 0 to 500"):
+        session.step(fast)
+    session.restore(held)
+    assert session.step(fast)
+
+
 def test_the_state_at_an_early_end_does_not_depend_on_how_it_was_flown() -> None:
     """In stretches of any length, in steps and in floats: the law's memory is that of the instant of the end."""
     scenario = dataclasses.replace(load_scenario("case1", controller="centroidal_joint"), duration=2.0)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection, Sequence
 from dataclasses import replace
 from functools import partial
-from typing import Annotated, Any
+from typing import Annotated, Any, ClassVar
 
 from skyarm import dynamics
 from skyarm.algebra import Force, Scalar, Scalars
@@ -21,7 +21,7 @@ from skyarm.dynamics.actuators.drive import TORQUE_DRIVE, Drive
 from skyarm.dynamics.actuators.rotor import push, speed_of_push
 from skyarm.dynamics.actuators.tilting import turn_rotors
 from skyarm.records.immutable import immutable
-from skyarm.records.leaves import Place, Tree, blend
+from skyarm.records.leaves import Place, Tree, blend, is_record
 from skyarm.records.units import Unit
 from skyarm.reference import Reference
 from skyarm.sensing.measurement import Measurement
@@ -31,6 +31,8 @@ from skyarm.vehicle import Rotor, Vehicle
 @immutable
 class ActuatorParameters(LayerParameters):
     """Constants of a control law whose commands pass through servos and rotor thrust tables."""
+
+    commands_actuators: ClassVar[bool] = True
 
     @property
     def inner_model(self) -> Model:
@@ -139,7 +141,7 @@ def with_actuators(controller: Controller, model: Model, control_period: float, 
         ControllerError: the model's vehicle has neither, or the law has the layer already.
     """
     check_controller(controller)
-    if isinstance(controller.par, ActuatorParameters):
+    if commands_actuators(controller):
         raise ControllerError(f"servos = true: law {controller.name!r} has its actuators already")
     if not hasattr(controller.par, "mixer"):
         raise wrong(controller, "has constants without a Mixer: par.mixer must be one for a law on real actuators")
@@ -158,6 +160,15 @@ def with_actuators(controller: Controller, model: Model, control_period: float, 
             joints=(JointMotion(),) * len(drives),
         ),
     )
+
+
+def commands_actuators(controller: Controller) -> bool:
+    """True of a law whose commands are those of real actuators, in its layers or by itself."""
+    par = controller.par
+    while not getattr(par, "commands_actuators", False):
+        if not is_record(par := getattr(par, "inner", None)):
+            return False
+    return True
 
 
 def _first_memories(drives: Sequence[Drive], control_period: float) -> tuple[Tree, ...]:

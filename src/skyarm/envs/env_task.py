@@ -84,10 +84,10 @@ def make_task(
         raise ScenarioError(f"precision = {shown(precision)}: {must_be_one_of(dict.fromkeys(PRECISIONS), precision)}")
     kind = _record_of("actions", actions, ACTIONS, Actions)
     seen = _several("observation", observation, OBSERVED, Observed, "quantity")
+    if flown.agent.path_time is not None:  # whose slower path a policy would meet in flight alone
+        raise ScenarioError("reference.governor: must be left out of an environment")
     if kind.asks_law:
         flown.agent.controller.require_compiled(f"an environment with actions {type(kind).__name__}")
-        if flown.agent.path_time is not None:
-            raise ScenarioError("reference.governor: must be left out where actions build on the law")
     else:
         # a law that is not asked ends no episode where it is not defined
         flown = flown.with_controller(replace(flown.agent.controller, margin=None))

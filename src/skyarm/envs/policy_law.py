@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
-from typing import Annotated, Any
+from typing import Annotated, Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -41,6 +41,9 @@ class PolicyParameters:
         policy: the policy, if it is a record of numbers; else ``()``.
         inner: constants of the law that the actions build on, without model and mixer; ``()`` where they build on none.
     """
+
+    commands_actuators: ClassVar[bool] = True
+    """Its commands are the environment's, which the plant takes as they are: no actuator layer changes them."""
 
     model: Model
     mixer: Mixer
@@ -129,7 +132,10 @@ def policy_law(
     ``function`` the policy where it is no record.
     """
     sight = Sight(measurement=measurement, reference=reference, action=memory.action, model=par.model)
-    given = (par.policy if function is None else function)(observation_of(observation, sight))
+    seen, takes = observation_of(observation, sight), par.policy if function is None else function
+    if isinstance(takes, Network) and len(takes.means) != len(seen):
+        raise ControllerError(f"policy: takes {len(takes.means)} numbers, must be {len(seen)} for this observation")
+    given = takes(seen)
     if len(given) != len(memory.action):
         raise ControllerError(f"policy: gives {len(given)} numbers, must be {len(memory.action)} for these actions")
     action = tuple(clip(a, -1.0, 1.0) for a in given)

@@ -22,7 +22,13 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, TypeGuard, get_args
 
-from skyarm.control.actuator_layer import ActuatorParameters, has_tables, plain_model, with_actuators
+from skyarm.control.actuator_layer import (
+    ActuatorParameters,
+    commands_actuators,
+    has_tables,
+    plain_model,
+    with_actuators,
+)
 from skyarm.control.catalogue import (
     AUTOPILOTS,
     LAWS,
@@ -141,7 +147,8 @@ def controller_by_name(scenario: Scenario, name: str) -> Controller:
 
 def on_actuators(made: Controller, model: Model, control_period: float, servos: bool) -> Controller:
     """Add the actuator layer (joint servos, thrust tables of the model) to a controller; unchanged if it needs none."""
-    return with_actuators(made, model, control_period, servos=servos) if servos or has_tables(model) else made
+    needed = (servos or has_tables(model)) and not commands_actuators(made)
+    return with_actuators(made, model, control_period, servos=servos) if needed else made
 
 
 def _with_safety_of(before: Any, made: Controller, scenario: Scenario) -> Controller:

@@ -207,7 +207,7 @@ def _tables(piece: AgentPiece) -> dict[str, Array]:
         columns = [c[start : start + count] if c.ndim else np.broadcast_to(c, (count,)) for c in columns]
         return np.stack(columns, axis=1) if columns else np.zeros((count, 0))
 
-    state = state_arrays(vehicle, inputs.times[start:stop], flown.states, flown.commands)
+    state = state_arrays(vehicle, inputs.times[start:stop].copy(), flown.states, flown.commands)
     position, quaternion, joints = (state[name] for name in ("position", "quaternion", "joints"))
     sampled, free, path_time, late = _references(inputs, flown, start, stop)
     tables = {

@@ -423,9 +423,10 @@ class Engine:
         """Logged samples of all control periods since the last change of the scenario."""
         return Piece(self.scenario, self.inputs, self.begun, self.samples(self.begun, self.tick))
 
-    def samples(self, start: int, stop: int) -> tuple[LoggedSamples, ...]:
-        """Logged samples of each vehicle in control periods ``start`` to ``stop`` as array views."""
+    def samples(self, start: int, stop: int, *, kept: bool = False) -> tuple[LoggedSamples, ...]:
+        """Logged samples of each vehicle in control periods ``start`` to ``stop``, as views of the log if not kept."""
         rows, samples = self._log[start - self._first : stop - self._first], list[LoggedSamples]()
+        rows = rows.copy() if kept else rows
         columns = rebuild(self.code.sample, iter(rows.T))
         for own, (first, command, measured, found, led, end) in zip(columns.agents, self._marks, strict=True):
             samples.append(

@@ -64,6 +64,11 @@ class Course:
         return Course(scenario, scenario, coming=in_order(scenario.changes, scenario.rates.control))
 
     @property
+    def taken(self) -> dict[str, CommandRange]:
+        """Numbers that each vehicle takes in a command, by its name."""
+        return {name: CommandRange.of(each) for name, each in self.now.vehicles.items()}
+
+    @property
     def plan(self) -> Scenario:
         """Scenario that reproduces the flight: the initial one with all changes made and still scheduled."""
         changes = (*self.made, *self.coming)
@@ -169,7 +174,7 @@ class Session:
         require_changes(scenario)
         self._paths = require_paths(scenario, paths)
         self._course = Course.of(scenario)
-        self._taken = {name: CommandRange.of(each) for name, each in scenario.vehicles.items()}
+        self._taken = self._course.taken
         self._compiles, self.slow = machine_code, ""
         self._codes = list[EpisodeCode]()
         self._engine = self._make_engine(self._course)
@@ -296,6 +301,8 @@ class Session:
 
         A stretch takes about a tenth of a second, and ends where the scenario changes.
         """
+        if stop <= self.tick:
+            return self.running
         if self._course.coming:
             stop = min(stop, self._course.coming[0].tick(self._course.begun.rates.control))
         going = self._engine.fly(stop)
@@ -325,7 +332,10 @@ class Session:
     def log(self) -> Log:
         """Log of the flight so far; its scenario is :attr:`plan`."""
         engine = self._engine
-        pieces = (*self._course.flown, engine.piece)
+        piece = engine.piece
+        if self.running:  # it goes on to write where it has logged
+            piece = replace(piece, flown=engine.samples(engine.begun, engine.tick, kept=True))
+        pieces = (*self._course.flown, piece)
         return join_pieces(self.plan, pieces, engine.ended or running_status(self._course.now, engine.tick))
 
     @property
@@ -363,6 +373,7 @@ class Session:
             raise ScenarioError("snapshot: is of another session, must be of this one, whose snapshot() gives it")
         self._course, self._engine = snapshot.course, snapshot.engine
         self._engine.restore(snapshot.held)
+        self._taken = self._course.taken
 
     def change(self, values: Mapping[str, Any]) -> None:
         """Change parameters or models, given by path such as plant.gravity, from the next period on.
@@ -442,7 +453,7 @@ class Session:
             engine.take_over(self._engine, anew=anew)
             self._engine = engine
         self._course = course
-        self._taken = {name: CommandRange.of(each) for name, each in course.now.vehicles.items()}
+        self._taken = course.taken
 
     def _require_one(self, word: str) -> None:
         """Raise an error about what is of one vehicle if the session flies several."""
