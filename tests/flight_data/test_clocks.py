@@ -174,6 +174,41 @@ def test_two_files_of_one_flight_are_join_flights() -> None:
     assert "mocap, moved to the clock of gyro: offset +" in found.notes[-1]
 
 
+@pytest.mark.parametrize("more", [(), ("position",), ("position", "velocity")])
+def test_a_joined_pose_replaces_that_of_the_log_whose_world_is_another(more: tuple[str, ...]) -> None:
+    """The x axis of a motion capture is 60 degrees from that of the log, by SciPy."""
+    log, about = flight(1), Rotation.from_euler("z", 60.0, degrees=True)
+    stamps, own = log["quaternion"].time, Rotation.from_quat(log["quaternion"].values, scalar_first=True)
+    turned = Channel(time=stamps - 25.0, values=(about * own).as_quat(scalar_first=True), source="take")
+    place = Channel(time=stamps - 25.0, values=about.apply(log["position"].values), source="take")
+    camera = FlightData(
+        name="mocap", file="", channels={"position": place, "quaternion": turned}, jumps=((-9.0, -8.0),)
+    )
+    kept = ("gyro", "accelerometer", "quaternion", *more)
+    onboard = FlightData(name="px4", file="", channels={k: log[k] for k in kept}, jumps=((2.0, 2.1),))
+    found, clock = join_flights(onboard, camera)
+    assert clock.offset == pytest.approx(25.0, abs=2e-3)
+    assert {name: found[name].source for name in set(found) - {"gyro", "accelerometer"}} == {
+        "position": "mocap: take",
+        "quaternion": "mocap: take",
+    }
+    np.testing.assert_array_equal(found["quaternion"].values, turned.values)
+    np.testing.assert_array_equal(found["position"].values, place.values)
+    dropped = ", ".join(("quaternion", *more))
+    assert found.notes[-1] == f"{dropped}: of px4 are dropped: a pose is of one world, that of mocap."
+    assert np.array(found.jumps) == pytest.approx(np.array([[16.0, 17.0]]), abs=5e-3)  # of the dropped pose none
+
+
+def test_a_take_with_another_axis_up_is_not_joined_and_its_axes_are_named() -> None:
+    """A world and a base with z up that are read as ones with y up are turned by a quarter about x."""
+    log, quarter = flight(1), Rotation.from_euler("x", 90.0, degrees=True)
+    own = Rotation.from_quat(log["quaternion"].values, scalar_first=True)
+    wrong = (quarter * own * quarter.inv()).as_quat(scalar_first=True)
+    camera = log.with_channels({"quaternion": dataclasses.replace(log["quaternion"], values=wrong)})
+    with pytest.raises(ValueError, match=r"correlation with gyro = .*: a take of Motive must have y up, and its body"):
+        join_flights(log, camera)
+
+
 @pytest.mark.parametrize(("until", "begin", "shared"), [(36.0, 23.0, True), (34.0, 26.0, False), (22.0, 36.0, False)])
 def test_files_that_share_less_than_three_tenths_of_the_shorter_are_not_joined(
     until: float, begin: float, shared: bool

@@ -14,6 +14,8 @@ from skyarm.flight_data.flight_data import FlightData, load_flight
 UPRIGHT = Rotation.from_matrix([[1, 0, 0], [0, 0, 1], [0, -1, 0]])
 """From a world with z up to Motive's: x is x, y is up, z is to the right of x."""
 
+SAID = "pose: y up is assumed, as the take states no axes; export one that has z up anew, with y up."
+
 LAST = "Frame,Time (Seconds),X,Y,Z,W,X,Y,Z,"
 GROUPS = ",,Rotation,Rotation,Rotation,Rotation,Position,Position,Position,Mean Marker Error"
 
@@ -62,7 +64,7 @@ def test_a_take_is_the_pose_in_a_world_with_z_up(
     np.testing.assert_allclose(np.abs(np.sum(found["quaternion"].values * wanted, axis=1)), 1.0, atol=1e-9)
     np.testing.assert_allclose(found["position"].time, 0.01 * np.arange(50), atol=1e-9)
     assert found.facts["start"] == pytest.approx(7.3)
-    assert (found.notes, found.facts["vehicle"]) == ((), "quad")
+    assert (found.notes, found.facts["vehicle"]) == ((SAID,), "quad")
 
 
 def test_of_several_bodies_the_first_is_read_or_that_of_a_mapping(
@@ -71,9 +73,10 @@ def test_of_several_bodies_the_first_is_read_or_that_of_a_mapping(
     text = take({"quad": motion[0], "box": Rotation.identity(50)}, motion[1])
     found = read(tmp_path, text)
     assert found.facts["vehicle"] == "quad"
-    assert found.notes == ("file: holds flights of quad, box; the first is read, #1; write FILE#1 for the first.",)
+    listed = "file: holds flights of quad, box; the first is read, #1; write FILE#1 for the first."
+    assert found.notes == (SAID, listed)
     second = load_flight(f"{tmp_path}/take.csv#2")
-    assert (second.facts["vehicle"], second.notes) == ("box", ())
+    assert (second.facts["vehicle"], second.notes) == ("box", (SAID,))
     np.testing.assert_allclose(second["quaternion"].values, [[1, 0, 0, 0]] * 50, atol=1e-9)
     names = [f"box: Rotation {each}" for each in "WXYZ"]
     other = load_flight(tmp_path / "take.csv", columns_from({"quaternion": {"columns": names}}))

@@ -243,19 +243,27 @@ def straight_stamps(time: Array, rows: Array) -> Array:
 def join_flights(flight: FlightData, other: FlightData) -> tuple[FlightData, ClockOffset]:
     """Merge the time series of a second file of the same flight, shifted to the first's clock; also return the offset.
 
+    Position, velocity and attitude refer to one world: the x axis of a motion capture is not north. The second file
+    always has an attitude, without which no clock is found, so its pose replaces all of the first one's.
+
     Raises:
         ValueError: one line: the motion does not show the offset of the clocks.
     """
     offset = clock_offset(flight, other=other)
+    onboard = {name: each for name, each in flight.channels.items() if name not in POSE}
+    dropped = [name for name in flight if name in POSE]
     added = {
         name: replace(each, time=offset.times(each.time), source=f"{other.name}: {each.source}")
         for name, each in other.channels.items()
-        if name not in flight
+        if name not in onboard
     }
-    words = f"{', '.join(added)}: are of {other.name}, moved to the clock of {offset.reference}: {offset.words}."
-    both = flight.with_channels(added, *other.notes, words)
-    jumps = (*flight.jumps, *_moved_jumps(other, offset))
-    return replace(both, facts={**other.facts, **flight.facts}, jumps=jumps), offset
+    words = [f"{', '.join(added)}: are of {other.name}, moved to the clock of {offset.reference}: {offset.words}."]
+    if dropped:
+        words.append(
+            f"{', '.join(dropped)}: of {flight.name} are dropped: a pose is of one world, that of {other.name}."
+        )
+    both = replace(flight, channels={**onboard, **added}, notes=(*flight.notes, *other.notes, *words))
+    return replace(both, facts={**other.facts, **flight.facts}, jumps=_moved_jumps(other, offset)), offset
 
 
 class _Pair:
@@ -428,7 +436,8 @@ def _offset(pair: _Pair, first: str, name: str, middle: float, widest: float, le
     if correlation < least:
         raise ValueError(
             f"clock of {name}: correlation with {first} = {correlation:.2f}: must be at least {least:g}, "
-            "else the motion does not show its offset"
+            "else the motion does not show its offset, or the axes differ: a take of Motive must have y up, and its "
+            "body the nose along x"
         )
     if rival is not None:
         raise ValueError(

@@ -1,8 +1,9 @@
 """Reader of takes that Motive (OptiTrack) exports as CSV.
 
 The first line has facts in pairs; lines with type and name of each column, its group (Rotation, Position) and its axis
-follow, the last of which begins with ``Frame``. Motive's world has x, y up and z; ours is x, -z, y of it. The axes of a
-rigid body are those of the world when it was defined: define it with its nose along x.
+follow, the last of which begins with ``Frame``. No line states the axes: they are Motive's own, x, y up and z, unless
+the export was told otherwise; ours are x, -z, y of them. The axes of a rigid body are those of the world when it was
+defined: define it with its nose along x.
 """
 
 from __future__ import annotations
@@ -50,7 +51,7 @@ def read_motive(path: Path, columns: Columns | None) -> FlightData:
             bodies += [name] if name not in bodies else []
     if not bodies:
         raise ValueError(f"columns: none is of a {BODY}; define one in Motive, and export it")
-    notes = list[str]()
+    notes = ["pose: y up is assumed, as the take states no axes; export one that has z up anew, with y up."]
     place, listed = choose_log(bodies, columns, 0, notes, "first")
     body = bodies[place]
     rows = numbers_of_rows("\n".join(lines[begin + 1 :]), {"time": 1, **places}, ",", len(axes), notes)
