@@ -26,7 +26,8 @@ LEAST, FEWEST = 0.15, 50
 
 LOGGING: Mapping[object, str] = {
     "PX4": "set SDLOG_PROFILE to 17 (default and high rate), or 9 (default and system identification), and fly again",
-    "ArduPilot": "set the bits of fast attitude and fast IMU in LOG_BITMASK, and fly again",
+    # ArduCopter writes RCOU in ten_hz_logging_loop (Copter.cpp), whatever the bits of LOG_BITMASK
+    "ArduPilot": "RCOU is written at 10 Hz; record /mavros/rc/out at 50 Hz or more, and fly again",
     "Betaflight": "raise blackbox_sample_rate, and fly again",
 }
 """Vehicle of a flight -> what makes it log its motors faster."""
