@@ -376,3 +376,26 @@ def test_telemetry_is_refused_with_the_log_to_take_in_its_place(tmp_path: Path) 
     (tmp_path / "flight.tlog").write_bytes(bytes(8) + b"\xfe\x09" + bytes(40))
     with pytest.raises(ValueError, match=r"telemetry \(\.tlog\) is too slow: read the \.bin of its flight$"):
         load_flight(tmp_path / "flight.tlog")
+
+
+@pytest.mark.parametrize("lost", ["VELOCITY_HORIZ", "VELOCITY_VERT", "POS_HORIZ", "POS_VERT_ABS"])
+@pytest.mark.parametrize("lane", [0, 1])
+def test_rows_that_a_filter_states_to_be_invalid_are_left_out(tmp_path: Path, lost: str, lane: int) -> None:
+    """Bits of its status as MAVLink's EKF_STATUS_FLAGS; a horizontal position may be relative or absolute."""
+    mavlink = pytest.importorskip("pymavlink.dialects.v20.ardupilotmega", reason="needs the extra 'test'")
+    names = ("VELOCITY_HORIZ", "VELOCITY_VERT", "POS_HORIZ_REL", "POS_VERT_ABS")
+    whole = sum(getattr(mavlink, f"EKF_{name}") for name in names)
+    part = sum(getattr(mavlink, f"EKF_{name}") for name in names if not name.startswith(lost))
+    log = Writer(XKF1=("QBffffff", "TimeUS,C,VN,VE,VD,PN,PE,PD"), XKF4=("QBHB", "TimeUS,C,SS,PI"))
+    for k in range(20):
+        for core in range(2):
+            log.put("XKF1", 10_000 * k, core, *(100 * core + k + each for each in range(6)))
+            log.put("XKF4", 10_000 * k, core, part if k < 8 and core == lane else whole, lane)
+    flight = read(tmp_path, log.data)
+    first = {"position": 8 * lost.startswith("POS"), "velocity": 8 * lost.startswith("VEL")}
+    for name, begin in first.items():
+        number = 100 * lane + np.arange(begin, 20) + (3 if name == "position" else 0)
+        np.testing.assert_array_equal(flight[name].values[:, 0], number)
+    said = next(each for each in flight.notes if "valid" in each)
+    assert said.startswith(f"XKF1{'[1]' * lane}: is not valid by ")
+    assert said.endswith(" in 8 of 20 rows, which are left out.")

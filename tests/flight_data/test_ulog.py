@@ -25,7 +25,8 @@ FORMATS = {
     "float[3] accelerometer_m_s2",
     "vehicle_angular_velocity": "uint64_t timestamp;uint64_t timestamp_sample;float[3] xyz",
     "vehicle_attitude": "uint64_t timestamp;float[4] q;uint8_t quat_reset_counter",
-    "vehicle_local_position": "uint64_t timestamp;float x;float y;float z;float vx;float vy;float vz",
+    "vehicle_local_position": "uint64_t timestamp;float x;float y;float z;float vx;float vy;float vz;"
+    "bool xy_valid;bool z_valid;bool v_xy_valid;bool v_z_valid",
     "actuator_outputs": "uint64_t timestamp;uint32_t noutputs;float[8] output",
     "actuator_motors": "uint64_t timestamp;float[4] control",
     "battery_status": "uint64_t timestamp;float voltage_v",
@@ -36,7 +37,7 @@ PACKED = {
     "sensor_combined": "<Q3fi3f",
     "vehicle_angular_velocity": "<QQ3f",
     "vehicle_attitude": "<Q4fB",
-    "vehicle_local_position": "<Q6f",
+    "vehicle_local_position": "<Q6f4?",
     "actuator_outputs": "<QI8f",
     "actuator_motors": "<Q4f",
     "battery_status": "<Qf",
@@ -95,7 +96,7 @@ def test_axes_units_and_clocks_of_px4_become_ours(tmp_path: Path) -> None:
     rows = [
         combined(1_500_000),
         ("vehicle_attitude", (1_500_000, half, 0.0, 0.0, half, 0)),
-        ("vehicle_local_position", (1_510_000, 1, 2, 3, 4, 5, 6)),
+        ("vehicle_local_position", (1_510_000, 1, 2, 3, 4, 5, 6, 1, 1, 1, 1)),
         ("battery_status", (1_520_000, 15.5)),
         ("esc_status", (1_530_000, 4, 3000.0, 0, 6000.0, 0, 0.0, 0, 60.0, 0)),
         outputs(1_540_000, 1100, 1500, 1900, 900, 1700),
@@ -140,19 +141,59 @@ def test_the_place_of_the_inertial_unit_is_that_of_px4_s_parameters(tmp_path: Pa
     assert unset == {}
 
 
-def test_the_rate_before_the_filter_is_taken_unless_the_other_is_faster(tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("valid", "position", "velocity"),
+    [((0, 1, 0, 1), 10, 10), ((1, 0, 1, 1), 10, 20), ((1, 1, 1, 0), 20, 10), ((1, 1, 0, 1), 20, 10)],
+)
+def test_rows_that_px4_states_to_be_invalid_are_left_out(
+    tmp_path: Path, valid: tuple[int, ...], position: int, velocity: int
+) -> None:
+    """Flags of xy, z, v_xy, v_z of the first ten of twenty rows; pyulog reads the same ones."""
+    rows = [combined(1_000_000 + 10_000 * k) for k in range(20)]
+    for k in range(20):
+        flags = valid if k < 10 else (1, 1, 1, 1)
+        rows.append(("vehicle_local_position", (1_000_000 + 10_000 * k, k, 2, 3, 4, 5, k, *flags)))
+    path = written(tmp_path, packed(rows))
+    flight = load_flight(path)
+    given = next(each for each in pyulog.ULog(str(path)).data_list if each.name == "vehicle_local_position").data
+    is_place = (given["xy_valid"] & given["z_valid"]).astype(bool)
+    is_speed = (given["v_xy_valid"] & given["v_z_valid"]).astype(bool)
+    assert (is_place.sum(), is_speed.sum()) == (position, velocity)
+    np.testing.assert_array_equal(flight["position"].values[:, 0], given["x"][is_place])
+    np.testing.assert_array_equal(flight["velocity"].values[:, 2], -given["vz"][is_speed])
+    names = [
+        name for name, each in zip(("xy_valid", "z_valid", "v_xy_valid", "v_z_valid"), valid, strict=True) if not each
+    ]
+    counted = ", ".join(f"{name} in 10" for name in names)
+    assert f"vehicle_local_position: is not valid by {counted} of 20 rows, which are left out." in flight.notes
+
+
+def test_a_position_that_is_never_valid_is_left_out_and_said(tmp_path: Path) -> None:
+    rows = [combined(1_500_000), ("vehicle_local_position", (1_500_000, 1, 2, 3, 4, 5, 6, 0, 1, 1, 1))]
+    flight = load_flight(written(tmp_path, packed(rows)))
+    assert set(flight) == {"gyro", "accelerometer", "velocity"}
+    assert flight.notes == (
+        "vehicle_local_position: is not valid by xy_valid in 1 of 1 rows, which are left out.",
+        "position: no row of vehicle_local_position: x, y, z holds numbers, so that the channel is left out.",
+    )
+
+
+@pytest.mark.parametrize(("period", "taken"), [(4000, "sensor_combined"), (20_000, "vehicle_angular_velocity")])
+def test_the_rate_before_the_filter_is_taken_unless_it_is_far_too_slow(tmp_path: Path, period: int, taken: str) -> None:
     def rates(every: int) -> list[tuple[str, tuple[float, ...]]]:
-        rows = [combined(1_000_000 + 4000 * k) for k in range(1, 50)]
+        rows = [combined(1_000_000 + 4000 * k) for k in range(1, 50) if 4000 * k % period == 0]
         filtered = [
             ("vehicle_angular_velocity", (1_000_100 + 4000 * k + 4 * k % 7 * 100, 1_000_000 + 4000 * k, 7, 7, 7))
             for k in np.arange(1, 50, 1 / every)
         ]
         return sorted(rows + [(name, tuple(map(int, values))) for name, values in filtered], key=lambda row: row[1][0])
 
-    assert load_flight(written(tmp_path, packed(rates(1))))["gyro"].source.startswith("sensor_combined")
-    fast = load_flight(written(tmp_path, packed(rates(4))))["gyro"]
-    assert fast.source.startswith("vehicle_angular_velocity")
-    np.testing.assert_allclose(fast.time[:3], [0, 0.001, 0.002], atol=1e-9)  # of the sample, not of the message
+    flight = load_flight(written(tmp_path, packed(rates(4))))
+    assert flight["gyro"].source.startswith(taken)
+    said = "gyro: vehicle_angular_velocity is behind PX4's filters, whose lag counts as one of the rotors."
+    assert flight.notes == ((said,) if taken.startswith("vehicle") else ())
+    if said in flight.notes:  # stamps of the samples, not of the messages
+        np.testing.assert_allclose(np.diff(flight["gyro"].time), 0.001, atol=1e-9)
 
 
 def test_a_source_without_any_whole_row_is_not_taken(tmp_path: Path) -> None:
@@ -165,7 +206,7 @@ def test_a_source_without_any_whole_row_is_not_taken(tmp_path: Path) -> None:
         flight = load_flight(written(tmp_path, packed(rows)))
         assert flight["gyro"].source.startswith("vehicle_angular_velocity")
         assert flight["accelerometer"].source.startswith("sensor_combined")
-        assert flight.notes == ()
+        assert [each.partition(" is")[0] for each in flight.notes] == ["gyro: vehicle_angular_velocity"]
 
 
 def test_outputs_belong_to_motors_by_their_functions_and_limits(tmp_path: Path) -> None:
@@ -273,6 +314,25 @@ def test_outputs_of_each_driver_are_shares_of_its_own_range(tmp_path: Path, kind
     np.testing.assert_allclose(flight["rotor_commands"].values, [[0.75, 0.5, 0.25]], atol=1e-6)
     assert flight["rotor_commands"].source.startswith("actuator_motors") == (motors and kind != "OneShot")
     assert flight.notes == ()
+
+
+@pytest.mark.parametrize("more", [{"PWM_MAIN_MIN": 1000, "PWM_MAIN_MAX": 2000}, {"PWM_MIN": 1000}, {"SYS_USE_IO": 1}])
+def test_outputs_of_dshot_before_functions_of_outputs_have_its_range(tmp_path: Path, more: dict[str, float]) -> None:
+    """int(0.06 x 1999) to 1999, as of PX4's driver up to 1.13, where DSHOT_CONFIG alone states it."""
+    sent, parameters = np.array([850.0, 900.0, 1000.0, 1300.0]), {"MAV_TYPE": 2, "DSHOT_MIN": 0.06, **more}
+    rows = [combined(1_500_000), outputs(1_500_000, *sent)]
+    flight = load_flight(written(tmp_path, packed(rows, {**parameters, "DSHOT_CONFIG": 600})))
+    np.testing.assert_allclose(flight["rotor_commands"].values, [(sent - 119.0) / (1999.0 - 119.0)], atol=1e-6)
+    said = "rotor_commands: outputs of 119 to 1999 are assumed, of DShot, as DSHOT_CONFIG states it."
+    assert flight.notes == (said,)
+    pulses = load_flight(written(tmp_path, packed(rows, {**parameters, "DSHOT_CONFIG": 0})))
+    np.testing.assert_allclose(pulses["rotor_commands"].values, [[0.0, 0.0, 0.0, 0.3]], atol=1e-6)
+
+
+def test_beside_outputs_of_dshot_those_of_an_io_chip_are_pulses(tmp_path: Path) -> None:
+    rows = [combined(1_500_000), outputs(1_500_000, 1250), outputs(1_500_000, 500, instance=1)]
+    parameters = {"MAV_TYPE": 2, "DSHOT_CONFIG": 600, "SYS_USE_IO": 1, "PWM_MIN": 1000, "PWM_MAX": 2000}
+    assert load_flight(written(tmp_path, packed(rows, parameters)))["rotor_commands"].values[0, 0] == 0.25
 
 
 def test_speeds_are_those_of_the_motor_that_a_controller_drives(tmp_path: Path) -> None:

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import re
 import struct
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -20,7 +20,7 @@ import numpy as np
 from skyarm.algebra.frames import to_our_axes
 from skyarm.flight_data.columns_file import SOURCES, Columns, QuantitySource, usual_signals
 from skyarm.flight_data.flight_data import PLACE, FlightData, FlightFormat, choose_log
-from skyarm.flight_data.raw_tables import RawTable, alike_outputs, flight_of, shares_of
+from skyarm.flight_data.raw_tables import RawTable, alike_outputs, flight_of, shares_of, valid_rows
 from skyarm.records.arrays import AnyArray
 
 MAGIC = b"\xa3\x95"
@@ -61,6 +61,14 @@ INSTANCES = ("I", "C", "Instance", "Inst")
 
 UNIT = r"(IMU|GYR|ACC)"
 """Pattern of the beginnings of messages of an inertial unit."""
+
+STATUS: Mapping[str, tuple[int, Sequence[str]]] = {
+    "horizontal velocity": (2, ("VN", "VE")),
+    "vertical velocity": (4, ("VD",)),
+    "horizontal position": (8 + 16, ("PN", "PE")),
+    "vertical position": (32, ("PD",)),
+}
+"""Estimate -> bits of a filter's status (field SS) that state it, and columns of it."""
 
 FUNCTIONS = (*range(33, 41), *range(82, 86))
 """SERVOn_FUNCTION of an output that drives the first motor, the second, ..."""
@@ -110,6 +118,7 @@ def read_dataflash(path: Path, columns: Columns | None) -> FlightData:
     facts: dict[str, str | float] = {"vehicle": "ArduPilot", "firmware": firmware, **listed}
     units = {name: _unit(name, each) for name, each in tables.items() if re.fullmatch(rf"{UNIT}.*", name)}
     usual = _of_primary_lane(usual_signals(SOURCES["dataflash"]), tables, units, values, notes)
+    _mask_invalid(tables, {each.topic for name in ("position", "velocity") for each in usual[name]}, notes)
     if "RCOU" in tables and (shares := _shares(tables["RCOU"], values, notes)):
         tables[SHARES] = shares
         usual["rotor_commands"] = (QuantitySource(columns=tuple(shares.columns), topic=SHARES),)
@@ -161,6 +170,18 @@ def _of_primary_lane(
     if numbers.size > 1:
         notes.append(f"pose: the filter changed its lane {np.count_nonzero(np.diff(primary))} times; {lane} is read.")
     return sources
+
+
+def _mask_invalid(tables: dict[str, RawTable], topics: Iterable[str], notes: list[str]) -> None:
+    """Put NaN where a filter states in its fourth message (XKF4 of XKF1) that it has no such estimate."""
+    for topic in sorted({*topics} & {*tables}):
+        status = tables.get(re.sub(r"\d", lambda digit: f"{int(digit[0]) + 3}", topic, count=1))
+        if status is not None and status.has("SS") and status.time.size:
+            place = np.maximum(np.searchsorted(status.time, tables[topic].time, "right") - 1, 0)
+            bits = np.nan_to_num(status.numbers("SS")[place]).astype(int)
+            stated = {name: (bits & flags).astype(float) for name, (flags, _) in STATUS.items()}
+            table = replace(tables[topic], columns={**tables[topic].columns, **stated})
+            tables[topic] = valid_rows(topic, table, notes, {name: columns for name, (_, columns) in STATUS.items()})
 
 
 def _rows(data: bytes, notes: list[str]) -> Messages:

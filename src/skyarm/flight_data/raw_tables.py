@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from bisect import bisect_left
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
@@ -32,6 +33,10 @@ UNUSED = 200
 
 FASTER = 1.2
 """Ratio of rates above which a source replaces one of higher priority."""
+
+FILTERED, ENOUGH = re.compile(r".*vehicle_?(angular_?velocity|acceleration)", re.IGNORECASE), 100.0
+"""Pattern of the topics that PX4 writes behind the filters of its controller; rate (Hz) above which theirs is no reason
+to take them: a rotor's lag hides all motion beyond a tenth of that."""
 
 
 @immutable
@@ -87,8 +92,14 @@ def flight_of(
     signals = {**chosen, **columns.signals}
     channels, said = dict[str, Channel](), list(notes)
     columns = replace(columns, time_unit=_time_unit(columns, tables, said))
+    for name, every in usual.items():
+        held = [each.source for each in every if (table := _holding(tables, each)) and table.has(*each.columns)]
+        if held and name not in signals:
+            said.append(f"{name}: no row of {held[0]} holds numbers, so that the channel is left out.")
     for name in (each for each in QUANTITIES if each in signals):
         channel = _channel(name, signals[name], tables, columns, said)
+        if name in chosen and FILTERED.fullmatch(chosen[name].topic) and name not in columns.signals:
+            said.append(f"{name}: {chosen[name].topic} is behind PX4's filters, whose lag counts as one of the rotors.")
         if name == "voltage" and channel.time.size and not channel.values.any():
             said.append("voltage: is 0 throughout, as without a battery monitor, and is left out.")
         elif channel.time.size:
@@ -124,6 +135,7 @@ def _fastest(tables: Mapping[str, RawTable], signals: Sequence[QuantitySource]) 
             continue
         span = float(np.nanmax(table.time) - np.nanmin(table.time))
         own = table.time.size / span if span > 0.0 else 0.0
+        own = min(own, ENOUGH) if FILTERED.fullmatch(signal.topic) else own
         if best is None or own > FASTER * rate:
             best, rate = signal, own
     return best
@@ -319,6 +331,24 @@ def shares_of(outputs: RawTable, names: Sequence[str], low: float, high: float) 
 
 COUNTS = (3, 4, 6, 8)
 """Numbers of rotors that equal least outputs may tell."""
+
+
+VALIDITY = {"xy_valid": ("x", "y"), "z_valid": ("z",), "v_xy_valid": ("vx", "vy"), "v_z_valid": ("vz",)}
+"""Flags of PX4's local position -> columns that hold nothing where they are 0."""
+
+
+def valid_rows(
+    topic: str, table: RawTable, notes: list[str], flags: Mapping[str, Sequence[str]] = VALIDITY
+) -> RawTable:
+    """Table of an estimate, with NaN in the columns of a flag where the estimator states it as 0; they are counted."""
+    columns, lost = dict(table.columns), list[str]()
+    for flag in (each for each in flags if table.has(each)):
+        invalid = table.numbers(flag) == 0.0
+        columns |= {each: np.where(invalid, np.nan, table.numbers(each)) for each in flags[flag] if table.has(each)}
+        lost += [f"{flag} in {invalid.sum()}"] if invalid.any() else []
+    if lost:
+        notes.append(f"{topic}: is not valid by {', '.join(lost)} of {table.time.size} rows, which are left out.")
+    return replace(table, columns=columns)
 
 
 def alike_outputs(outputs: RawTable, names: Sequence[str], notes: list[str]) -> list[str]:

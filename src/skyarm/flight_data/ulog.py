@@ -18,7 +18,7 @@ import numpy as np
 from skyarm.algebra.frames import to_our_axes
 from skyarm.flight_data.columns_file import SOURCES, Columns, QuantitySource, usual_signals
 from skyarm.flight_data.flight_data import PLACE, FlightData, FlightFormat
-from skyarm.flight_data.raw_tables import RawTable, flight_of
+from skyarm.flight_data.raw_tables import RawTable, flight_of, valid_rows
 from skyarm.flight_data.ulog_recovery import MAGIC, WholeMessages
 from skyarm.records.arrays import AnyArray, Array
 from skyarm.records.files import needs_extra
@@ -54,13 +54,16 @@ DSHOT, DSHOT_TIMER = 1999, -2.0
 """Full output of DShot; largest ``PWM_*_TIM*`` of a timer that sends it."""
 
 KEPT = re.compile(
-    r"(SYS_AUTOSTART|MAV_TYPE|THR_MDL_FAC|DSHOT_MIN|CA_ROTOR.*"
+    r"(SYS_AUTOSTART|MAV_TYPE|THR_MDL_FAC|DSHOT_(MIN|CONFIG)|CA_ROTOR.*"
     r"|(PWM_(MAIN_|AUX_)?|UAVCAN_EC_|SIM_GZ_EC_)(MIN|MAX|FUNC|TIM)\d*)"
 )
 """Pattern of parameters that are facts of a flight."""
 
 RESETS = {"vehicle_attitude": ("quat",), "vehicle_local_position": ("xy", "z", "vxy", "vz")}
 """Topic -> quantities whose resets by the estimator it counts."""
+
+PLACES = "vehicle_local_position"
+"""Topic with flags of its validity."""
 
 OUTPUTS, MOTORS, SHARES = "actuator_outputs", "actuator_motors", "rotor signals"
 """Topics of outputs and of shares of the motors' thrust; table of rotor signals as fractions, made from outputs and
@@ -88,6 +91,8 @@ def read_ulog(path: Path, columns: Columns | None) -> FlightData:
         raise ValueError("file: holds no topic with numbers; nothing was logged, or it is cut off")
     parameters = {name: float(value) for name, value in log.initial_parameters.items()}
     notes = _losses(whole, [each.duration for each in log.dropouts])
+    if PLACES in tables:
+        tables[PLACES] = valid_rows(PLACES, tables[PLACES], notes)
     usual: dict[str, Sequence[QuantitySource]] = dict(usual_signals(SOURCES["px4"]))
     own = {} if columns is None else columns.signals
     count = _number_of_rotors(parameters)
@@ -233,7 +238,16 @@ def _shares(
 
     It is sure if the outputs are pulse widths between stated limits.
     """
-    channels = _motor_channels(parameters) or {k: (PWM[1], k) for k in range(count)}
+    channels = _motor_channels(parameters)
+    # PX4 up to 1.13 knows no functions of outputs; beside outputs of the controller those of an IO chip are pulses
+    has_chip = parameters.get("SYS_USE_IO", 0.0) and f"{OUTPUTS}[1]" in tables
+    if not channels and parameters.get("DSHOT_CONFIG", 0.0) > 0.0 and not has_chip:
+        parameters = {**parameters, f"{PWM[1]}_TIM": DSHOT_TIMER}
+        low, high, _ = _limits(parameters, PWM[1], 0)
+        notes.append(
+            f"rotor_commands: outputs of {low:g} to {high:g} are assumed, of DShot, as DSHOT_CONFIG states it."
+        )
+    channels = channels or {k: (PWM[1], k) for k in range(count)}
     columns: dict[str, Array] = {}
     assumed, is_sure, time = False, True, np.zeros(0)
     for motor in range(count):
