@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import re
+import sqlite3
 import sys
 from collections.abc import Callable, Iterator
 from functools import cache, partial
@@ -697,6 +698,111 @@ def test_of_two_vehicles_in_a_bag_none_has_numbers_of_the_other(spaces: tuple[st
             np.testing.assert_allclose(found[name].time, alone[name].time, atol=1e-6)
     with pytest.raises(ValueError, match=r"flight #3: must be 1 to 2, the flights of this file"):
         load_flight(f"{both}#3")
+
+
+def captured_bag(folder: Path, *topics: str) -> tuple[Path, Rotation, np.ndarray]:
+    """Bag of MAVROS with poses of a motion capture beside it, one a topic: path, attitudes and places of the last."""
+    store = mavros_store("mcap")
+    rows, make = mavros_rows(store, "mcap")[0], Messages(store, "mcap")
+    for number, topic in enumerate(topics, 5):
+        turns, places = Rotation.random(60, random_state=number), np.random.default_rng(number).normal(size=(60, 3))
+        for k in range(60):
+            header, turn = make.header(START + 10_000_000 * k), turns[k].as_quat(scalar_first=True)
+            pose = make.make(
+                "geometry_msgs/msg/Pose", position=make.xyz(places[k], "Point"), orientation=make.turn(turn)
+            )
+            rows.append((START + 10_000_000 * k, topic, pose_of(make, header, pose)))
+    return write_rows(folder, "mcap", store, rows), turns, places
+
+
+def is_captured(found: FlightData, turns: Rotation, places: np.ndarray) -> bool:
+    read = Rotation.from_quat(found["quaternion"].values, scalar_first=True)
+    return np.array_equal(found["position"].values, places) and (read.inv() * turns).magnitude().max() < 1e-7
+
+
+@pytest.mark.parametrize("topic", ["/mocap/pose", "/vicon/pose", "/optitrack/pose", "/vrpn_client_node/quad/pose"])
+def test_a_vehicle_with_one_unit_has_the_pose_of_the_motion_capture(topic: str, tmp_path: Path) -> None:
+    from skyarm.flight_data.columns_file import columns_from
+
+    path, turns, places = captured_bag(tmp_path, topic)
+    found = load_flight(path)
+    assert is_captured(found, turns, places)
+    assert "velocity" not in found  # of the autopilot's clock and world
+    assert (found["gyro"].time.size, found["rotor_commands"].time.size) == (60, 59)
+    said = next(each for each in found.notes if each.startswith(f"pose: of {topic}, not "))
+    assert "/mavros/local_position/pose" in said
+    assert "columns.toml" in said
+    assert "flights of" not in " ".join(found.notes)
+    names = [f"pose.position.{axis}" for axis in "xyz"]
+    own = columns_from({"position": {"topic": "/mavros/local_position/pose", "columns": names}})
+    other = load_flight(path, own)
+    assert {other[name].source.split("/")[1] for name in ("position", "quaternion", "velocity")} == {"mavros"}
+
+
+def test_beside_one_unit_bodies_of_a_motion_capture_are_chosen_by_number(tmp_path: Path) -> None:
+    path, turns, places = captured_bag(tmp_path, "/vicon/box/pose", "/vicon/quad/pose")
+    found = load_flight(f"{path}#2")
+    assert is_captured(found, turns, places)
+    assert not is_captured(load_flight(path), turns, places)
+    assert {"gyro", "accelerometer", "rotor_commands"} <= set(found)
+
+
+def test_a_place_that_px4_states_to_be_invalid_is_left_out(tmp_path: Path) -> None:
+    store, sent = get_typestore(Stores.ROS2_HUMBLE), []
+    flags = ("xy_valid", "z_valid", "v_xy_valid", "v_z_valid")
+    text = "uint64 timestamp\n" + "".join(f"float32 {each}\n" for each in ("x", "y", "z", "vx", "vy", "vz"))
+    texts = {"VehicleLocalPosition": text + "".join(f"bool {each}\n" for each in flags), "VehicleOdometry": NEW}
+    for name, each in texts.items():
+        store.register(get_types_from_msg(each, f"px4_msgs/msg/{name}"))
+    make = {name: store.types[f"px4_msgs/msg/{name}"] for name in texts}
+    nothing, turn = np.full(3, np.nan, np.float32), np.array([1, 0, 0, 0], np.float32)
+    for k in range(12):
+        when, stamp = START + 10**7 * k, 30_000_000 + 10_000 * k
+        place = make["VehicleLocalPosition"](stamp, *map(float, range(6)), k > 3, True, True, False)
+        sent.append((when, "/fmu/out/vehicle_local_position", place))
+        sent.append((when, "/fmu/out/vehicle_odometry", make["VehicleOdometry"](stamp, 1, nothing, turn, 1, nothing)))
+    found = load_flight(write_rows(tmp_path, "mcap", store, sent))
+    assert set(found) == {"position", "quaternion"}
+    np.testing.assert_array_equal(found["position"].values, [[0.0, -1.0, -2.0]] * 8)
+    for said in (
+        "/fmu/out/vehicle_local_position: is not valid by xy_valid in 4, v_z_valid in 12 of 12 rows, "
+        "which are left out.",
+        "velocity: no row of /fmu/out/vehicle_odometry: velocity[0], velocity[1], velocity[2] holds numbers, "
+        "so that the channel is left out.",
+    ):
+        assert said in found.notes
+    assert "the fastest" not in " ".join(found.notes)
+
+
+@pytest.mark.parametrize("more", [False, True])
+def test_a_bag_without_definitions_of_its_messages_names_their_types(more: bool, tmp_path: Path) -> None:
+    """ROS 2 Humble writes none to .db3, so that types beyond those of ROS itself are unknown."""
+    store, sent = get_typestore(Stores.ROS2_HUMBLE), []
+    store.register(get_types_from_msg(OF_PX4["SensorCombined"], "px4_msgs/msg/SensorCombined"))
+    make, numbers = Messages(store, "db3"), np.zeros(3, np.float32)
+    for k in range(12):
+        combined = store.types["px4_msgs/msg/SensorCombined"](30_000_000 + 10_000 * k, numbers, numbers)
+        sent.append((START + 10**7 * k, "/fmu/out/sensor_combined", combined))
+        if more:
+            sent.append((START + 10**7 * k, "/imu", make.imu(START + 10**7 * k, [k, 0, 0], [0, 0, 9])))
+    path = write_rows(tmp_path, "db3", store, sent)
+    with sqlite3.connect(path) as file:
+        file.execute("DELETE FROM message_definitions")
+    (path.parent / "metadata.yaml").unlink()
+    said = r"bag: holds no definition of px4_msgs/msg/SensorCombined; convert it by 'ros2 bag convert' to mcap "
+    if more:
+        found = load_flight(path)
+        assert re.match(said, found.notes[0])
+        np.testing.assert_array_equal(found["gyro"].values[:, 0], np.arange(12))
+        from skyarm.flight_data.columns_file import columns_from
+
+        names = [f"gyro_rad[{k}]" for k in range(3)]
+        own = columns_from({"gyro": {"topic": "/fmu/out/sensor_combined", "columns": names}})
+        with pytest.raises(ValueError, match=said):
+            load_flight(path, own)
+    else:
+        with pytest.raises(ValueError, match=said):
+            load_flight(path)
 
 
 def odometry_bag(folder: Path, text: str, *rows: tuple[Any, ...], attitude: bool = False) -> FlightData:

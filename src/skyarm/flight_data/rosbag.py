@@ -3,7 +3,8 @@
 A topic's columns are the numbers of its messages: ``angular_velocity.x``, ``position[0]``; lists of more than 32 are
 left out. Standard messages, those of PX4 and those of MAVROS are quantities by their type: inertial units, poses,
 transforms, odometry, batteries, joint states, outputs to motors and their speeds. Topics of references and commands
-are no measurements. Of several vehicles, told by the names of their inertial units' topics, one is read.
+are no measurements. Of several vehicles, told by the names of their inertial units' topics, one is read. A pose is of
+one world: that of a motion capture where there is one, not the autopilot's.
 """
 
 from __future__ import annotations
@@ -20,12 +21,14 @@ import numpy as np
 from skyarm.algebra import ZERO3, Quaternion, Vec3
 from skyarm.algebra.frames import turn_vectors
 from skyarm.flight_data.bag_axes import IMU, PX4, MessageAxes
+from skyarm.flight_data.clocks import POSE
 from skyarm.flight_data.columns_file import SOURCES, Columns, QuantitySource, usual_signals
 from skyarm.flight_data.flight_data import BAG_FOLDER, PLACE, FlightData, FlightFormat, choose_log
 from skyarm.flight_data.own_log import is_own_mcap, read_own_log
-from skyarm.flight_data.raw_tables import RawTable, alike_outputs, flight_of, shares_of
+from skyarm.flight_data.raw_tables import RawTable, alike_outputs, flight_of, shares_of, valid_rows
 from skyarm.records.arrays import Array
 from skyarm.records.files import needs_extra
+from skyarm.records.files.messages import comma_list
 
 if TYPE_CHECKING:
     from rosbags.highlevel import AnyReader
@@ -47,6 +50,9 @@ ENTRY = re.compile(r"\w+\[([^\]]*[^\]\d][^\]]*)\]")
 NOT_MEASURED = re.compile(r"reference|setpoint|goal|desired|target|command|cmd|/global_position/", re.IGNORECASE)
 """Pattern of topic names without measurements, or with those of MAVROS of which another topic has better ones."""
 
+MOTION_CAPTURE = re.compile(r"mocap|motion_capture|vicon|optitrack|natnet|vrpn|qualisys", re.IGNORECASE)
+"""Pattern of topic names with poses of a motion capture."""
+
 TO_PX4 = "/fmu/in/"
 """Part of the names of topics to PX4, which are on another clock."""
 
@@ -59,7 +65,13 @@ STATIC, BASE = "/tf_static", "base_link"
 STAMP = "timestamp"
 """Field of the time (us) of PX4's messages, of PX4's own clock."""
 
+PLACES = f"{PX4}msg/VehicleLocalPosition"
+"""Type of messages with flags of their validity."""
+
 SECOND, NANO = 1_000_000_000, 1e-9
+
+CONVERT = "convert it by 'ros2 bag convert' to mcap where the package of that type is installed"
+"""Cure of a bag without definitions of its messages."""
 
 
 TYPES = {kind: usual_signals(each) for kind, each in SOURCES["ros"].items()}
@@ -107,50 +119,73 @@ def read_bag(path: Path, columns: Columns | None) -> FlightData:
         return read_own_log(path, columns)
     if path.is_dir() and not (path / METADATA).is_file():
         raise ValueError(f"folder: must be a bag of ROS 2, with {METADATA}")
-    try:
-        from rosbags.highlevel import AnyReader
-        from rosbags.typesys import Stores, get_typestore
-    except ImportError:
-        raise ValueError(f"rosbags: is missing; a bag of ROS {needs_extra('flights')}") from None
     notes: list[str] = []
     own = {} if columns is None else columns.signals
-    topics = {signal.topic for signal in own.values()}
-    rows: dict[str, _Rows] = {}
-    mounts: dict[str, tuple[Vec3, Quaternion]] = {}
-    try:
-        with AnyReader([path], default_typestore=get_typestore(Stores.ROS2_HUMBLE)) as reader:
-            kinds = {each.topic: str(each.msgtype) for each in reader.connections}
-            if chosen := [each for each in reader.connections if _is_read(each, topics)]:
-                _read(reader, chosen, rows, notes)
-                mounts = _mounts(reader)
-    except OSError:
-        raise
-    except Exception as error:  # YAML, SQLite, compression and messages have readers of their own
-        raise ValueError(f"bag: must be a whole bag of ROS ({type(error).__name__}: {error})") from None
-    if not rows:
-        there = ", ".join(sorted(f"{topic} ({kind})" for topic, kind in kinds.items())[:20])
-        raise ValueError(f"topics: none that is read holds a message; there is {there or 'none'}")
-    vehicles = _vehicles({topic: kinds[topic] for topic in rows})
+    kinds, rows, mounts = _decoded(path, {signal.topic for signal in own.values()}, notes)
+    apart, vehicles = _vehicles({topic: kinds[topic] for topic in rows})
     words = [", ".join(sorted(each)) or "topics without a name of their own" for each in vehicles]
     place, choices = choose_log(words, columns, 0, notes, "first vehicle")
-    read = _of_vehicle(kinds, vehicles, place)
+    others = set(apart) - set(_of_vehicle(apart, vehicles, place))
+    read = {topic: kind for topic, kind in kinds.items() if topic not in others}
     origin = min(min(each.received) for each in rows.values())
     tables = {topic: _table(each, origin, of_px4=kinds[topic].startswith(PX4)) for topic, each in rows.items()}
     if of_px4 := {topic: each for topic, each in tables.items() if read.get(topic, "").startswith(PX4)}:
         delays = [np.min(each.received - each.time) for each in of_px4.values() if each.received is not None]
         moved = origin * NANO if columns is not None and columns.time == STAMP else float(min(delays))
         tables |= {topic: replace(each, time=each.time + moved) for topic, each in of_px4.items()}
+    for topic in (each for each in tables if read.get(each) == PLACES):
+        tables[topic] = valid_rows(topic, tables[topic], notes)
     axes = MessageAxes(read, tables, {topic: each.frames for topic, each in rows.items()}, frozenset(mounts), notes)
-    usual = _usual(tables, read, axes)
+    usual = _of_one_world(_usual(tables, read, axes), own, notes)
     for name, signals in usual.items():
-        if len(signals) > 1 and name not in own:
-            listed = ", ".join(each.topic for each in signals)
+        held = [each.topic for each in signals if _holds(tables[each.topic], each, name)]
+        if len(held) > 1 and name not in own:
+            listed = ", ".join(held)
             notes.append(f"{name}: there is {listed}; the fastest is taken unless a columns.toml names another.")
     facts: dict[str, str | float] = {f"topic {topic}": kind for topic, kind in sorted(kinds.items())[:100]}
     facts |= choices
     flight = flight_of(path, tables, usual, columns, origin=origin * NANO, facts=facts, notes=notes)
     turned = {"gyro", "accelerometer", "quaternion"} - {*own}
     return _in_base_axes(flight, {} if len(turned & {"gyro", "accelerometer"}) < 2 else mounts, turned)
+
+
+def _decoded(
+    path: Path, topics: Collection[str], notes: list[str]
+) -> tuple[dict[str, str], dict[str, _Rows], dict[str, tuple[Vec3, Quaternion]]]:
+    """Types of all topics of a bag, rows of those that are read, and mounts of the inertial units.
+
+    Raises:
+        ValueError: one line: rosbags is missing, the bag is damaged, or no topic that is read has messages.
+    """
+    try:
+        from rosbags.highlevel import AnyReader
+        from rosbags.typesys import Stores, get_typestore
+    except ImportError:
+        raise ValueError(f"rosbags: is missing; a bag of ROS {needs_extra('flights')}") from None
+    rows: dict[str, _Rows] = {}
+    mounts: dict[str, tuple[Vec3, Quaternion]] = {}
+    try:
+        with AnyReader([path], default_typestore=get_typestore(Stores.ROS2_HUMBLE)) as reader:
+            kinds = {each.topic: str(each.msgtype) for each in reader.connections}
+            chosen = [each for each in reader.connections if _is_read(each, topics)]
+            # a .db3 of ROS 2 Humble defines none of its types, and rosbags knows those of ROS alone
+            unknown = {each.topic for each in chosen if each.msgtype not in reader.typestore.fielddefs}
+            if known := [each for each in chosen if each.topic not in unknown]:
+                _read(reader, known, rows, notes)
+                mounts = _mounts(reader)
+    except OSError:
+        raise
+    except Exception as error:  # YAML, SQLite, compression and messages have readers of their own
+        raise ValueError(f"bag: must be a whole bag of ROS ({type(error).__name__}: {error})") from None
+    if unknown:
+        undefined = comma_list(sorted({kinds[topic] for topic in unknown}))
+        notes.append(f"bag: holds no definition of {undefined}; {CONVERT}.")
+        if not rows or not unknown.isdisjoint(topics):
+            raise ValueError(notes[-1].removesuffix("."))
+    if not rows:
+        there = ", ".join(sorted(f"{topic} ({kind})" for topic, kind in kinds.items())[:20])
+        raise ValueError(f"topics: none that is read holds a message; there is {there or 'none'}")
+    return kinds, rows, mounts
 
 
 def _in_base_axes(
@@ -280,17 +315,23 @@ def _table(rows: _Rows, origin: int, *, of_px4: bool = False) -> RawTable:
     return RawTable(columns={name: each[order] for name, each in columns.items()}, time=time, received=arrival)
 
 
-def _vehicles(kinds: Mapping[str, str]) -> list[frozenset[str]]:
-    """Words that the topics of each vehicle have alone, by topics of one type and last word; empty for one vehicle."""
-    for name in ("gyro", "position"):
+def _vehicles(kinds: Mapping[str, str]) -> tuple[Mapping[str, str], list[frozenset[str]]]:
+    """Topics and types that are told apart by vehicles, and the words that those of each vehicle have alone.
+
+    Vehicles are told by topics of one type and last word: by their inertial units. Beside a single unit the bodies of a
+    motion capture are told, all other poses are estimates of one vehicle; without a unit whatever moves is one.
+    """
+    given = {each: {*TYPES.get(kinds[each], {})} for each in sorted(kinds) if NOT_MEASURED.search(each) is None}
+    units = [each for each, names in given.items() if "gyro" in names and "position" not in names]
+    captured = {each: kinds[each] for each in kinds if MOTION_CAPTURE.search(each)} if units else kinds
+    for name, topics, apart in ("gyro", units, kinds), ("gyro", given, captured), ("position", given, captured):
         alike = dict[tuple[str, str], list[frozenset[str]]]()
-        for topic in sorted(each for each, kind in kinds.items() if name in TYPES.get(kind, {})):
-            if NOT_MEASURED.search(topic) is None:
-                alike.setdefault((kinds[topic], topic.rpartition("/")[2]), []).append(frozenset(topic.split("/")))
+        for topic in (each for each in topics if each in apart and name in given[each]):
+            alike.setdefault((kinds[topic], topic.rpartition("/")[2]), []).append(frozenset(topic.split("/")))
         for every in alike.values():
             if len(every) > 1:
-                return [each - frozenset.intersection(*every) for each in sorted(every, key=len)]
-    return []
+                return apart, [each - frozenset.intersection(*every) for each in sorted(every, key=len)]
+    return {}, []
 
 
 def _of_vehicle(kinds: Mapping[str, str], vehicles: Sequence[frozenset[str]], place: int) -> dict[str, str]:
@@ -311,7 +352,9 @@ def _usual(tables: dict[str, RawTable], kinds: Mapping[str, str], axes: MessageA
     ):
         table, kind, measured = tables[topic], kinds[topic], NOT_MEASURED.search(topic) is None
         for name, signals in TYPES.get(kind, {}).items() if measured else ():
-            held = (axes.of(name, replace(each, topic=topic)) for each in signals if _holds(table, each, name))
+            # of PX4 a source without any number is noted, as that of an estimate that failed
+            there = [e for e in signals if _holds(table, e, name) or (kind.startswith(PX4) and table.has(*e.columns))]
+            held = (axes.of(name, replace(each, topic=topic)) for each in there)
             sources.setdefault(name, []).extend(filter(None, held))
         for listed, place in LISTS.get(kind, {}).items():
             name = listed if measured else COMMANDS.get(listed, "")
@@ -323,6 +366,31 @@ def _usual(tables: dict[str, RawTable], kinds: Mapping[str, str], axes: MessageA
                     source = _signals(tables, source, axes.notes)
                 sources.setdefault(name, []).extend([source] if source.columns else [])
     return sources
+
+
+def _of_one_world(
+    usual: dict[str, list[QuantitySource]], own: Mapping[str, QuantitySource], notes: list[str]
+) -> dict[str, list[QuantitySource]]:
+    """Keep the sources of the pose that are of one world: a motion capture's, unless a mapping names another's.
+
+    The x axis of a motion capture is not east, and its clock is another. A velocity has to be of the pose's clock even
+    where it is in base axes.
+    """
+    named = [own[name].topic for name in POSE if name in own and own[name].topic]
+    is_captured = not named or any(MOTION_CAPTURE.search(each) for each in named)
+    pose = {name: usual[name] for name in POSE if name in usual and name not in own}
+    kept = {
+        name: [each for each in every if (MOTION_CAPTURE.search(each.topic) is not None) == is_captured]
+        for name, every in pose.items()
+    }
+    read, there = ({each.topic: 0 for every in some.values() for each in every} for some in (kept, pose))
+    if not read or len(read) == len(there):
+        return usual
+    others = ", ".join(each for each in there if each not in read)
+    notes.append(f"pose: of {', '.join(read)}, not {others}: it is of one world; a columns.toml may name another.")
+    alone = [name for name, every in kept.items() if not every and name != "velocity"]
+    notes += [f"{name}: is of another world than the rest of the pose." for name in alone]
+    return {**usual, **{name: every for name, every in kept.items() if name not in alone}}
 
 
 def _signals(tables: dict[str, RawTable], source: QuantitySource, notes: list[str]) -> QuantitySource:
