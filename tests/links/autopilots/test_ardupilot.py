@@ -587,8 +587,8 @@ def test_only_a_program_outside_changes_how_ardupilot_takes_thrust_rates_and_sil
         open_session(scenario(outside=outside, parameters=(("SCHED_LOOP_RATE", 300.0),))).close()
     given = dict(line.split() for line in parameters.read_text().splitlines())
     assert given["SCHED_LOOP_RATE"] == "300"
-    wanted = {"GUID_OPTIONS": "8", "GUID_TIMEOUT": "0.2", "SERIAL1_PROTOCOL": "2", "ATC_RAT_YAW_FLTE": "0"}
-    wanted |= {f"ATC_ACCEL_{axis}_MAX": "0" for axis in "RPY"}
+    wanted = {"GUID_OPTIONS": "8", "GUID_TIMEOUT": "0.2", "SERIAL1_PROTOCOL": "2", "ATC_ANGLE_BOOST": "0"}
+    wanted |= {"ATC_RAT_YAW_FLTE": "0"} | {f"ATC_ACCEL_{axis}_MAX": "0" for axis in "RPY"}
     assert {name: given.get(name) for name in wanted} == (wanted if outside else dict.fromkeys(wanted))
 
 

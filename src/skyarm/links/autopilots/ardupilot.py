@@ -93,10 +93,11 @@ PHYSICS_LINE = (
 
 OUTSIDE_PARAMETERS = {
     "GUID_OPTIONS": 8, "GUID_TIMEOUT": 0.2, "SERIAL1_PROTOCOL": 2, "ATC_RAT_YAW_FLTE": 0,
-    "ATC_ACCEL_R_MAX": 0, "ATC_ACCEL_P_MAX": 0, "ATC_ACCEL_Y_MAX": 0,
+    "ATC_ACCEL_R_MAX": 0, "ATC_ACCEL_P_MAX": 0, "ATC_ACCEL_Y_MAX": 0, "ATC_ANGLE_BOOST": 0,
 }  # fmt: skip
 """Parameters for an external law: a set point's thrust is a thrust; level after so many s without set points;
-MAVLink 2; no filters of yaw and no slewing of rates, behind which a law's control oscillates."""
+MAVLink 2; no filters of yaw and no slewing of rates, behind which a law's control oscillates; no division of the thrust
+by the cosine of the tilt (AC_AttitudeControl_Multi, get_throttle_boosted), which a law's thrust contains."""
 
 
 @immutable
