@@ -1,13 +1,18 @@
 """Reader of Betaflight's blackbox logs, decoded by the package betaflight-chirp-core (extra ``blackbox``).
 
-Axes are forward, left, up. The signal of a rotor is its output between the numbers ``motorOutput`` of the head, or of
-older versions between ``minthrottle`` and ``maxthrottle``. Rotors are in the order of the outputs: rear right, front
-right, rear left, front left of a quadrotor as Betaflight ships it. A log holds no pose.
+Axes are forward, left, up. The signal of a rotor is its output on the scale of its protocol: ``motorOutput`` of the
+head is idle and limit of the mixer, within that scale. Rotors are in the order of the outputs: rear right, front right,
+rear left, front left of a quadrotor as Betaflight ships it. A log holds no pose.
+
+Source: Betaflight 2.9 to 2026.6, ``blackbox.c``, ``dshot.h``, ``debug.h``, ``pwm_output.h``; its Blackbox Explorer for
+voltages.
 """
 
 from __future__ import annotations
 
 import math
+import re
+from collections.abc import Container, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +21,7 @@ import numpy as np
 from skyarm.flight_data.columns_file import Columns, QuantitySource
 from skyarm.flight_data.flight_data import FlightData, FlightFormat, choose_log
 from skyarm.flight_data.raw_tables import RawTable, flight_of
+from skyarm.records.arrays import Array
 from skyarm.records.files import needs_extra
 
 BEGINNING = b"H Product:Blackbox"
@@ -27,8 +33,24 @@ HIGH_RESOLUTION = 10.0
 PER_MICROSECOND = 1e-3
 """Scale of the gyro (deg/s) below which it is one of rad/us."""
 
-CENTIVOLTS = 100
-"""Largest voltage of a cell in the head from which on voltages are in 0.01 V; in 0.1 V before."""
+DSHOT, DIGITAL, ANALOG = range(5, 10), (48.0, 2047.0), (1000.0, 2000.0)
+"""``motor_pwm_protocol`` of digital outputs (DShot, ProShot); outputs of no and of full signal there, and of pulses."""
+
+REVERSIBLE = 1 << 12
+"""Bit of ``features`` for motors that turn both ways (3D)."""
+
+UNFILTERED: Mapping[tuple[int, ...], int] = {(3, 1): 3, (3, 2): 8}
+"""Version -> ``debug_mode`` that logs the gyro before its filters (deg/s), if it is not 6 (GYRO_SCALED)."""
+
+FILTERS = (
+    "gyro_lowpass_hz",
+    "gyro_lowpass_dyn_hz",
+    "gyro_lowpass2_hz",
+    "gyro_notch_hz",
+    "gyro_rpm_notch_harmonics",
+    "dyn_notch_count",
+)
+"""Filters of the gyro in the head, by the names that the decoder has for all versions."""
 
 
 def read_betaflight(path: Path, columns: Columns | None) -> FlightData:
@@ -53,8 +75,9 @@ def read_betaflight(path: Path, columns: Columns | None) -> FlightData:
         log.parse_data()
         head, names = log.sys_config, log.main_field_names
         rows = dict(zip(names, np.array(log.main_frames, float).reshape(-1, len(names)).T, strict=True))
+        own = {} if columns is None else columns.signals
+        usual = {name: (each,) for name, each in _sources(rows, head, own, notes).items()}
         table = RawTable(columns=rows, time=rows["time"] * 1e-6)
-        usual = {name: (each,) for name, each in _sources(table, head, notes).items()}
     except Exception as error:  # of a damaged file, in whichever of its parts
         raise ValueError(f"file: must be a whole blackbox log ({type(error).__name__}: {error})") from None
     if head["firmwareType"] == "inav":
@@ -68,30 +91,58 @@ def read_betaflight(path: Path, columns: Columns | None) -> FlightData:
     return flight_of(path, {"": table}, usual, columns, facts={**facts, **listed}, notes=notes)
 
 
-def _sources(table: RawTable, head: dict[str, Any], notes: list[str]) -> dict[str, QuantitySource]:
-    """Sources of the quantities of a blackbox log, with scales by its head."""
+def _sources(
+    rows: dict[str, Array], head: Mapping[str, Any], own: Container[str], notes: list[str]
+) -> dict[str, QuantitySource]:
+    """Sources of the quantities of a blackbox log, with scales by its head.
+
+    Args:
+        rows: columns of the log; outputs of stopped motors are raised to those of no signal.
+        head: its head.
+        own: quantities that the user maps, which get no note.
+        notes: list for sentences about the channels.
+    """
+    version = tuple(map(int, (head["firmwareVersion"] or "0.0").split(".")[:2]))
     scale = head["gyroScale"] if head["gyroScale"] > PER_MICROSECOND else math.degrees(head["gyroScale"] * 1e6)
     scale /= HIGH_RESOLUTION if head.get("blackbox_high_resolution") else 1.0
-    sources = {"gyro": QuantitySource(columns=_entries(table, "gyroADC"), unit="deg/s", scale=scale)}
-    forces = _entries(table, "accSmooth")
-    if forces and head["acc_1G"] and any(table.numbers(each).any() for each in forces):
+    rates, debug = _entries(rows, "gyroUnfilt"), _entries(rows, "debug")[:3]
+    if not rates and (3, 1) <= version < (5, 0) and head.get("debug_mode") == UNFILTERED.get(version, 6):
+        rates, scale = debug, 1.0 if debug else scale
+    filters = ", ".join(f"{each} = {head[each]}" for each in FILTERS if np.any(head.get(each, 0)))
+    if not rates and "gyro" not in own and (filters or FILTERS[0] not in head):
+        words = f"gyro: is filtered ({filters or 'unknown'}) and late"
+        notes.append(f"{words}; log gyroUnfilt, or debug_mode = GYRO_SCALED.")
+    sources = {"gyro": QuantitySource(columns=rates or _entries(rows, "gyroADC"), unit="deg/s", scale=scale)}
+    forces = _entries(rows, "accSmooth")
+    if forces and head["acc_1G"] and any(rows[each].any() for each in forces):
         sources["accelerometer"] = QuantitySource(columns=forces, unit="g", scale=1.0 / head["acc_1G"])
+        if head.get("acc_lpf_hz") and "accelerometer" not in own:
+            notes.append(f"accelerometer: is filtered at {head['acc_lpf_hz'] / 100:g} Hz and late; raise acc_lpf_hz.")
     else:
         notes.append("accelerometer: is switched off; set acc_hardware = AUTO and log again.")
-    low, high = head["motorOutput"]
-    if outputs := _entries(table, "motor"):
-        sources["rotor_commands"] = QuantitySource(columns=outputs, low=float(low), high=float(high))
-    if speeds := _entries(table, "eRPM"):
+    outputs = _entries(rows, "motor")
+    if outputs and "rotor_commands" not in own and int(head.get("features", 0)) & REVERSIBLE:
+        notes.append("rotor_commands: are left out, as motors turn both ways (3D); a columns.toml may map them.")
+    elif outputs and "rotor_commands" not in own:
+        is_digital = head.get("fast_pwm_protocol", 0) in DSHOT
+        low, high = DIGITAL if is_digital else ANALOG
+        rows |= {each: np.maximum(rows[each], low) for each in outputs}  # of DShot 0 stops a motor
+        sources["rotor_commands"] = QuantitySource(columns=outputs, low=low, high=high)
+        kind = "DShot" if is_digital else "pulses in us"
+        notes.append(f"rotor_commands: outputs from {low:g} to {high:g} ({kind}) are signals from 0 to 1.")
+    if speeds := _entries(rows, "eRPM"):
         sources["rotor_speeds"] = QuantitySource(columns=speeds, unit="rpm", scale=200.0 / head["motor_poles"])
-    if table.has("vbatLatest"):
-        volts = 0.01 if head["vbatmaxcellvoltage"] >= CENTIVOLTS else 0.1
+    if "vbatLatest" in rows:
+        first = (2, 0) if head["firmwareType"] == "cleanflight" else (3, 1)
+        old = version < first and (head["firmwareType"] or re.fullmatch("[0-9a-f]*", head.get("Firmware revision", "")))
+        volts = 0.33 / 4095 * head["vbatscale"] if old else 0.01 if version >= (4, 0) else 0.1
         sources["voltage"] = QuantitySource(columns=("vbatLatest",), scale=volts)
     return sources
 
 
-def _entries(table: RawTable, name: str) -> tuple[str, ...]:
+def _entries(rows: Mapping[str, Array], name: str) -> tuple[str, ...]:
     """Columns of a list of the log: ``gyroADC[0]``, ``gyroADC[1]``, ..."""
-    return tuple(each for each in table.columns if each.startswith(f"{name}["))
+    return tuple(each for each in rows if each.startswith(f"{name}["))
 
 
 BETAFLIGHT = FlightFormat(read_betaflight, suffixes=("bbl", "bfl"), begins=(BEGINNING,), several=True)
