@@ -283,6 +283,7 @@ def lanes(primary: tuple[int, ...], parameters: dict[str, float], units: tuple[i
         XKQ=("QBffff", "TimeUS,C,Q1,Q2,Q3,Q4"),
         XKF1=("QBffffff", "TimeUS,C,VN,VE,VD,PN,PE,PD"),
         XKF4=("QBB", "TimeUS,C,PI"),
+        BAT=("QBf", "TimeUS,Inst,Volt"),
     )
     for name, value in parameters.items():
         log.put("PARM", 0, name.encode(), value)
@@ -294,6 +295,7 @@ def lanes(primary: tuple[int, ...], parameters: dict[str, float], units: tuple[i
             log.put("XKQ", stamp + 200, core, *noise.normal(size=4))
             log.put("XKF1", stamp + 300, core, *noise.normal(size=6))
             log.put("XKF4", stamp + 400, core, lane)
+            log.put("BAT", stamp + 500, core, 12.5 - 5.0 * core)  # a servo's is the second one
     return log.data
 
 
@@ -321,6 +323,7 @@ def test_unit_and_filter_are_those_of_the_lane_that_flew(
     q = decoded(tmp_path, "XKQ", "Q1", "Q2", "Q3", "Q4", instance=lane)[:, 1:] * [1.0, 1.0, -1.0, -1.0]
     q /= np.linalg.norm(q, axis=1)[:, None]
     np.testing.assert_allclose(np.abs(np.sum(found["quaternion"].values * q, axis=1)), 1.0, atol=1e-12)
+    assert found["voltage"].values[0, 0] == 12.5
     assert found.place["place.x"] == pytest.approx(0.1 * (unit + 1))
     assert f"inertial unit {unit} is read, of the filter's lane {lane}; a columns.toml may name IMU" in found.notes[0]
     assert ("the filter changed its lane 1 times" in found.notes[-1]) == (len(set(primary)) > 1)
@@ -354,6 +357,148 @@ def test_of_an_old_log_the_second_lane_has_topics_of_its_own(tmp_path: Path) -> 
     ]
     np.testing.assert_array_equal(found["gyro"].values, decoded(tmp_path, "IMU2", *AXES[:3])[:, 1:] * TURN)
     np.testing.assert_array_equal(found["position"].values, decoded(tmp_path, "NKF6", "PN", "PE", "PD")[:, 1:] * TURN)
+
+
+def attitudes(*trims: float) -> bytes:
+    """Log with the attitude of the inertial unit at 10 Hz (XKQ) and the one of the vehicle at 100 Hz (ATT).
+
+    AP_AHRS_NavEKF: R_ATT = R_XKQ R_trim^T, from_euler(AHRS_TRIM_X, Y, Z) of R_trim.
+    """
+    rotation = pytest.importorskip("scipy.spatial.transform").Rotation
+    log = Writer(
+        PARM=("QNf", "TimeUS,Name,Value"),
+        ATT=("Qfff", "TimeUS,Roll,Pitch,Yaw"),
+        XKQ=("QBffff", "TimeUS,C,Q1,Q2,Q3,Q4"),
+    )
+    for axis, trim in zip("XYZ", trims, strict=False):
+        log.put("PARM", 0, f"AHRS_TRIM_{axis}".encode(), trim)
+    unit = rotation.from_euler("ZYX", [1.0, 0.3, -0.4]) * rotation.from_rotvec(
+        np.linspace(0, 1, 200)[:, None] * [0.6, -0.5, 0.8]
+    )
+    vehicle = unit * rotation.from_euler("ZYX", [*trims, 0.0, 0.0, 0.0][2::-1]).inv()
+    for k, (angles, q) in enumerate(zip(vehicle.as_euler("ZYX", degrees=True), unit.as_quat(), strict=True)):
+        log.put("ATT", 10_000 * k, *angles[::-1])
+        if k % 10 == 0:
+            log.put("XKQ", 10_000 * k, 0, *q[[3, 0, 1, 2]])
+    return log.data
+
+
+@pytest.mark.parametrize("trims", [(), (0.08, -0.12), (-0.1, 0.05, 0.02)])
+def test_angles_of_the_vehicle_are_turned_back_to_its_unit(tmp_path: Path, trims: tuple[float, ...]) -> None:
+    found = read(tmp_path, attitudes(*trims))
+    assert (found["quaternion"].source, found["quaternion"].rate) == ("ATT: Roll, Pitch, Yaw", pytest.approx(100.0))
+    q = decoded(tmp_path, "XKQ", "Q1", "Q2", "Q3", "Q4")[:, 1:] * [1.0, 1.0, -1.0, -1.0]
+    np.testing.assert_allclose(np.abs(np.sum(found["quaternion"].values[::10] * q, axis=1)), 1.0, atol=1e-11)
+    assert found.notes == (
+        ("quaternion: is turned back by the trims AHRS_TRIM_X, Y, Z, to the axes of the inertial unit.",)
+        if trims
+        else ()
+    )
+
+
+def test_a_level_vehicle_with_a_trim_has_a_unit_rolled_by_that_trim(tmp_path: Path) -> None:
+    """NavEKF3 getEulerAngles: angles of its quaternion less the trims are those of the vehicle."""
+    log = Writer(PARM=("QNf", "TimeUS,Name,Value"), ATT=("Qfff", "TimeUS,Roll,Pitch,Yaw"))
+    log.put("PARM", 0, b"AHRS_TRIM_X", 0.06)
+    for k in range(30):
+        log.put("ATT", 10_000 * k, 0.0, 0.0, 0.0)
+    found = read(tmp_path, log.data)["quaternion"].values[0]
+    np.testing.assert_allclose(found, [np.cos(0.03), np.sin(0.03), 0.0, 0.0], atol=1e-8)
+
+
+def raw(parameters: dict[str, float], rate: int = 1) -> bytes:
+    """Log of messages IMU, and of raw ones GYR at a multiple of their rate."""
+    fields = ",".join(AXES)
+    log = Writer(
+        PARM=("QNf", "TimeUS,Name,Value"),
+        IMU=("QBffffff", f"TimeUS,I,{fields}"),
+        GYR=("QBQfff", "TimeUS,I,SampleUS,GyrX,GyrY,GyrZ"),
+    )
+    for name, value in parameters.items():
+        log.put("PARM", 0, name.encode(), value)
+    for k in range(60 * max(1, rate)):
+        if rate:
+            log.put("GYR", 10_000 * k // rate, 0, 10_000 * k // rate, 1.0, 2.0, 3.0)
+        if k % max(1, rate) == 0:
+            log.put("IMU", 10_000 * k // max(1, rate), 0, *range(6))
+    return log.data
+
+
+def test_a_filtered_unit_is_noted_with_the_delay_of_its_filter(tmp_path: Path) -> None:
+    signal = pytest.importorskip("scipy.signal")
+    found = read(tmp_path, raw({"INS_GYRO_FILTER": 20.0, "INS_ACCEL_FILTER": 5.0}, rate=0))
+    for note, name, cut in zip(found.notes, ("gyro", "accelerometer"), (20.0, 5.0), strict=True):
+        word = {"gyro": "INS_GYRO_FILTER", "accelerometer": "INS_ACCEL_FILTER"}[name]
+        _, response = signal.freqs(*signal.butter(2, 2 * np.pi * cut, analog=True), worN=[0.01])
+        late = -np.angle(response[0]) / 0.01
+        assert note == (
+            f"{name}: is filtered at {word} = {cut:g} Hz, {1e3 * late:.2g} ms late; log raw IMU (LOG_BITMASK)."
+        )
+    assert read(tmp_path, raw({"INS_GYRO_FILTER": 0.0}, rate=0)).notes == ()
+
+
+@pytest.mark.parametrize("rate", [1, 3])
+def test_raw_samples_come_before_filtered_ones(tmp_path: Path, rate: int) -> None:
+    found = read(tmp_path, raw({"INS_GYRO_FILTER": 20.0, "INS_ACCEL_FILTER": 0.0}, rate))
+    assert found["gyro"].source == "GYR: GyrX, GyrY, GyrZ"
+    assert found.notes == ()
+
+
+@pytest.mark.parametrize(
+    ("name", "number", "is_reset"),
+    [("EV", 62, True), ("EV", 60, True), ("EV", 10, False), ("ERR", 24, True), ("ERR", 16, False)],
+)
+@pytest.mark.parametrize(("late", "begin"), [(55_000, 4.2), (5_000, 4.1)])  # 5 ms: a loop may stamp its start
+def test_resets_of_the_filter_are_jumps(
+    tmp_path: Path, name: str, number: int, is_reset: bool, late: int, begin: float
+) -> None:
+    log = Writer(
+        XKF1=("Qffffff", "TimeUS,VN,VE,VD,PN,PE,PD"),
+        ATT=("Qfff", "TimeUS,Roll,Pitch,Yaw"),
+        EV=("QB", "TimeUS,Id"),
+        ERR=("QBB", "TimeUS,Subsys,ECode"),
+    )
+    rest = (1,) if name == "ERR" else ()
+    log.put(name, 1_000_000, number, *rest)  # before the pose
+    for k in range(100):
+        stamp = 2_000_000 + 100_000 * k
+        log.put("XKF1", stamp, *range(6))
+        for i in range(10):
+            log.put("ATT", stamp + 10_000 * i, 0.0, 0.0, 30.0)
+        if k == 42:
+            log.put(name, stamp + late, number, *rest)
+    found = read(tmp_path, log.data)
+    assert found.jumps == ((pytest.approx(begin), pytest.approx(4.3)),) * is_reset
+    note = "pose: the estimator reset it at 4.30 s; nothing is compared across that."
+    assert (note in found.notes) == is_reset
+
+
+@pytest.mark.parametrize(("kind", "trim"), [(8.0, 1200), (9.0, 1400)])
+@pytest.mark.parametrize("reverse", [0.0, 1.0])
+def test_scaled_outputs_are_shares_of_their_own_range(tmp_path: Path, kind: float, trim: int, reverse: float) -> None:
+    """AP_Motors::rc_write maps 1000 to 2000 us by pwm_from_range or pwm_from_angle of SRV_Channel."""
+    shares, high = (0.2, 0.0, 0.8, 0.5), (1950, 1900, 1850, 1800)
+    parameters = OUTPUTS | {"MOT_PWM_TYPE": kind, "SERVO3_REVERSED": reverse}
+    parameters |= {
+        f"SERVO{k}_{end}": v
+        for k in range(2, 5)
+        for end, v in (("TRIM", trim), ("MIN", 1050 + k), ("MAX", high[k - 1]))
+    }
+    sent = []
+    for k, share in enumerate(shares, 1):
+        low, middle, most = (
+            parameters.get(f"SERVO{k}_{end}", v) for end, v in (("MIN", 1100), ("TRIM", 1500), ("MAX", 1900))
+        )
+        value = 1000.0 * (1.0 - share if k == 3 and reverse else share)
+        if kind == 8.0:
+            sent.append(low + int(value * (most - low) / 1000.0))
+        elif value > 500.0:
+            sent.append(middle + int((value - 500.0) * (most - middle) / 500.0))
+        else:
+            sent.append(middle - int((500.0 - value) * (middle - low) / 500.0))
+    found = read(tmp_path, recent(parameters, (*map(int, sent), 0, 0)))["rotor_commands"]
+    np.testing.assert_allclose(found.values[0], shares, atol=1.0 / 300.0)
+    assert found.source == "rotor signals: output C1, output C2, output C3, output C4"
 
 
 def test_logs_that_are_none_are_one_line_with_the_cause(tmp_path: Path) -> None:

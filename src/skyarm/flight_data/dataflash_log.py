@@ -4,11 +4,15 @@ The file is a sequence of messages: bytes A3 95, a type, a body of the type's le
 the others: type, length, name, a letter for each field, names of the fields. Axes are forward, right, down of the base
 and north, east, down of the world. Messages with an instance field, as of several inertial units, are tables apart:
 ``IMU`` for the least instance, ``IMU[1]`` for another. The signal of a rotor is its output between the least and the
-largest.
+largest. Attitudes are those of the inertial unit: ``ATT``, logged faster than the quaternion, is turned back by the
+trims of the vehicle.
+
+Source: ArduPilot 4.6, ``AP_AHRS``, ``AP_Motors_Class.cpp``, ``SRV_Channel.cpp``, ``AP_Logger.h``.
 """
 
 from __future__ import annotations
 
+import math
 import re
 import struct
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -17,11 +21,12 @@ from pathlib import Path
 
 import numpy as np
 
-from skyarm.algebra.frames import to_our_axes
+from skyarm.algebra.frames import of_euler_angles, to_our_attitude, to_our_axes
+from skyarm.algebra.quaternion import Quaternion
 from skyarm.flight_data.columns_file import SOURCES, Columns, QuantitySource, usual_signals
 from skyarm.flight_data.flight_data import PLACE, FlightData, FlightFormat, choose_log
 from skyarm.flight_data.raw_tables import RawTable, alike_outputs, flight_of, shares_of, valid_rows
-from skyarm.records.arrays import AnyArray
+from skyarm.records.arrays import AnyArray, Array
 
 MAGIC = b"\xa3\x95"
 """First bytes of a message."""
@@ -82,8 +87,23 @@ LIMITS = "MOT_PWM", "Q_M_PWM"
 DIGITAL = range(4, 8)
 """MOT_PWM_TYPE of digital outputs, which are logged from 1000 to 2000."""
 
+RANGE, ANGLE = 8, 9
+"""MOT_PWM_TYPE of outputs from their SERVOn_MIN to _MAX, and of those that have SERVOn_TRIM at half signal."""
+
+SERVO = {"MIN": 1100.0, "TRIM": 1500.0, "MAX": 1900.0}
+"""Ends of the parameters' names SERVOn_... -> their defaults (us)."""
+
 USUAL_LIMITS = 1000.0, 2000.0
 """Outputs (us) of zero and of full signal where no parameter states them."""
+
+FILTERS = {"gyro": "INS_GYRO_FILTER", "accelerometer": "INS_ACCEL_FILTER"}
+"""Quantity -> cut-off frequency (Hz) of the Butterworth filter of second order before messages IMU."""
+
+RESETS = {"EV": ("Id", (60.0, 62.0)), "ERR": ("Subsys", (24.0,))}
+"""Messages -> field and its values where the filter resets height (EKF_ALT_RESET) or yaw, or another lane flies on."""
+
+LOOP = 0.02
+"""Longest period (s) of the main loop, in which a reset precedes its message."""
 
 SHARES = "rotor signals"
 """Name of the table of rotor signals as fractions, made from outputs and parameters."""
@@ -122,7 +142,8 @@ def read_dataflash(path: Path, columns: Columns | None) -> FlightData:
     if "RCOU" in tables and (shares := _shares(tables["RCOU"], values, notes)):
         tables[SHARES] = shares
         usual["rotor_commands"] = (QuantitySource(columns=tuple(shares.columns), topic=SHARES),)
-    flight = flight_of(path, tables, usual, columns, facts=facts, notes=notes)
+    flight = _with_attitude_of_unit(flight_of(path, tables, usual, columns, facts=facts, notes=notes), values)
+    flight = _with_resets(_with_filters(flight, values), tables)
     source = flight["accelerometer"].source.partition(":")[0] if "accelerometer" in flight else ""
     at = to_our_axes(*(values.get(f"INS_POS{units.get(source, 0) + 1}_{axis}", 0.0) for axis in "XYZ"))
     return replace(flight, facts={**flight.facts, **dict(zip(PLACE, at, strict=True))}) if any(at) else flight
@@ -133,6 +154,45 @@ def _unit(name: str, table: RawTable) -> int:
     stated = next((table.columns[each] for each in INSTANCES if each in table.columns), None)
     digits = re.sub(r"\D", "", name)
     return int(stated[0]) if stated is not None and stated.size else int(digits or 1) - 1
+
+
+def _with_attitude_of_unit(flight: FlightData, parameters: Mapping[str, float]) -> FlightData:
+    """Flight with the attitude of its inertial unit in place of ATT, which AHRS_TRIM_X, Y, Z (rad) turn to the vehicle.
+
+    AP_AHRS: R_ATT = R_unit R_trim^T, with the Euler angles of the trims in R_trim.
+    """
+    trims = [parameters.get(f"AHRS_TRIM_{axis}", 0.0) for axis in "XYZ"]
+    if "quaternion" not in flight or not flight["quaternion"].source.startswith("ATT: Roll") or not any(trims):
+        return flight
+    channel, turn = flight["quaternion"], to_our_attitude(*of_euler_angles(*trims))
+    values = np.stack([*(Quaternion(*channel.values.T) * turn)], axis=1)
+    words = "quaternion: is turned back by the trims AHRS_TRIM_X, Y, Z, to the axes of the inertial unit."
+    return flight.with_channels({"quaternion": replace(channel, values=values)}, words)
+
+
+def _with_filters(flight: FlightData, parameters: Mapping[str, float]) -> FlightData:
+    """Flight with notes on quantities of messages IMU, which passed a filter: the delay of low frequencies."""
+    cuts = {name: parameters.get(each, 0.0) for name, each in FILTERS.items() if name in flight}
+    notes = [
+        f"{name}: is filtered at {FILTERS[name]} = {cut:g} Hz, {1e3 * math.sqrt(0.5) / (math.pi * cut):.2g} ms late; "
+        "log raw IMU (LOG_BITMASK)."
+        for name, cut in cuts.items()
+        if cut > 0.0 and flight[name].source.startswith("IMU")
+    ]
+    return flight.with_channels({}, *notes)
+
+
+def _with_resets(flight: FlightData, tables: Mapping[str, RawTable]) -> FlightData:
+    """Flight with the steps in which the filter reset its pose: from the last sample before to the first one after."""
+    poses = [flight[each].time for each in ("position", "velocity", "quaternion") if each in flight]
+    spans = set[tuple[float, float]]()
+    for name, (field, resets) in RESETS.items():
+        if name in tables and tables[name].has(field):
+            times = tables[name].time[np.isin(tables[name].numbers(field), resets)] - float(flight.facts["start"])
+            sides = [[(time[time < each - LOOP], time[time >= each]) for time in poses] for each in times]
+            ends = [[(before[-1], after[0]) for before, after in each if before.size and after.size] for each in sides]
+            spans |= {(min(each)[0], max(last for _, last in each)) for each in ends if each}
+    return flight.with_jumps(spans) if spans else flight
 
 
 def _of_primary_lane(
@@ -159,9 +219,11 @@ def _of_primary_lane(
         for each in every:
             if re.fullmatch(rf"{UNIT}1?", each.topic):
                 topics = [topic for topic in units if topic.startswith(each.topic.rstrip("1")) and units[topic] == unit]
-            else:
+            elif re.match("[XN]K|EKF", each.topic):
                 word, digit = each.topic.rstrip("1"), 1 + (1 if "KQ" in each.topic else 5) * lane
                 topics = [*({f"{each.topic}[{lane}]", f"{word}{digit}"} & set(tables) if lane else ())] or [each.topic]
+            else:
+                topics = [each.topic]
             named += [replace(each, topic=topic) for topic in topics]
         sources[quantity] = named
     if len(set(units.values())) > 1:
@@ -266,12 +328,25 @@ def _shares(outputs: RawTable, parameters: Mapping[str, float], notes: list[str]
     pairs = [(f"{each}_MIN", f"{each}_MAX") for each in (motors, throttle)]
     limits = [(parameters.get(low, 0.0), parameters.get(high, 0.0)) for low, high in pairs]
     stated = [each for each in limits if each[1] > each[0] > 0.0]
-    if parameters.get(f"{motors}_TYPE", 0.0) in DIGITAL:
+    kind = parameters.get(f"{motors}_TYPE", 0.0)
+    if kind in (RANGE, ANGLE):
+        columns = {f"output {each}": _scaled_share(outputs, each, parameters, kind == ANGLE) for each in places}
+        return replace(outputs, columns=columns)
+    if kind in DIGITAL:
         stated = [USUAL_LIMITS]
     low, high = [*stated, USUAL_LIMITS][0]
     if not stated:
         notes.append(f"rotor_commands: limits of {low:g} and {high:g} us are assumed; no parameter states them.")
     return shares_of(outputs, places, low, high)
+
+
+def _scaled_share(outputs: RawTable, name: str, parameters: Mapping[str, float], is_angle: bool) -> Array:
+    """Signal (0 to 1) of an output on the scale of its own SERVOn_MIN, TRIM and MAX."""
+    servo = f"SERVO{re.sub(r'[^0-9]', '', name)}"
+    low, middle, high = (parameters.get(f"{servo}_{each}", usual) for each, usual in SERVO.items())
+    ends = [low, middle if is_angle else 0.5 * (low + high), high]
+    share = np.interp(outputs.numbers(name), ends, [0.0, 0.5, 1.0])
+    return 1.0 - share if parameters.get(f"{servo}_REVERSED", 0.0) else share
 
 
 def _motor_outputs(outputs: RawTable, parameters: Mapping[str, float], notes: list[str]) -> list[str]:

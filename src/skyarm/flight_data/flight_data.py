@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import field, replace
 from pathlib import Path
 from typing import Annotated
@@ -155,6 +155,13 @@ class FlightData:
     def with_channels(self, changed: Mapping[str, Channel], *notes: str) -> FlightData:
         """Return the flight with some time series replaced or added, and with further notes."""
         return replace(self, channels={**self.channels, **changed}, notes=(*self.notes, *notes))
+
+    def with_jumps(self, spans: Iterable[tuple[float, float]]) -> FlightData:
+        """Return the flight with the spans (s) in which an estimator reset its pose, and a note on them."""
+        jumps = tuple(sorted((float(begin), float(end)) for begin, end in spans))
+        when = ", ".join(f"{end:.2f}" for _, end in jumps)
+        words = f"pose: the estimator reset it at {when} s; nothing is compared across that."
+        return replace(self, jumps=jumps, notes=(*self.notes, words))
 
 
 @positional
