@@ -21,8 +21,8 @@ from pathlib import Path
 
 import numpy as np
 
+from skyarm.algebra import Quaternion
 from skyarm.algebra.frames import of_euler_angles, to_our_attitude, to_our_axes
-from skyarm.algebra.quaternion import Quaternion
 from skyarm.flight_data.columns_file import SOURCES, Columns, QuantitySource, usual_signals
 from skyarm.flight_data.flight_data import PLACE, FlightData, FlightFormat, choose_log
 from skyarm.flight_data.raw_tables import RawTable, alike_outputs, flight_of, shares_of, valid_rows

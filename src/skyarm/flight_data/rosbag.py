@@ -121,7 +121,7 @@ def read_bag(path: Path, columns: Columns | None) -> FlightData:
         raise ValueError(f"folder: must be a bag of ROS 2, with {METADATA}")
     notes: list[str] = []
     own = {} if columns is None else columns.signals
-    kinds, rows, mounts = _decoded(path, {signal.topic for signal in own.values()}, notes)
+    kinds, rows, mounts = _decode(path, {signal.topic for signal in own.values()}, notes)
     apart, vehicles = _vehicles({topic: kinds[topic] for topic in rows})
     words = [", ".join(sorted(each)) or "topics without a name of their own" for each in vehicles]
     place, choices = choose_log(words, columns, 0, notes, "first vehicle")
@@ -149,7 +149,7 @@ def read_bag(path: Path, columns: Columns | None) -> FlightData:
     return _in_base_axes(flight, {} if len(turned & {"gyro", "accelerometer"}) < 2 else mounts, turned)
 
 
-def _decoded(
+def _decode(
     path: Path, topics: Collection[str], notes: list[str]
 ) -> tuple[dict[str, str], dict[str, _Rows], dict[str, tuple[Vec3, Quaternion]]]:
     """Types of all topics of a bag, rows of those that are read, and mounts of the inertial units.
@@ -316,7 +316,7 @@ def _table(rows: _Rows, origin: int, *, of_px4: bool = False) -> RawTable:
 
 
 def _vehicles(kinds: Mapping[str, str]) -> tuple[Mapping[str, str], list[frozenset[str]]]:
-    """Topics and types that are told apart by vehicles, and the words that those of each vehicle have alone.
+    """Topics and types by which vehicles differ, and the words that those of each vehicle have alone.
 
     Vehicles are told by topics of one type and last word: by their inertial units. Beside a single unit the bodies of a
     motion capture are told, all other poses are estimates of one vehicle; without a unit whatever moves is one.

@@ -64,7 +64,7 @@ class Course:
         return Course(scenario, scenario, coming=in_order(scenario.changes, scenario.rates.control))
 
     @property
-    def taken(self) -> dict[str, CommandRange]:
+    def command_ranges(self) -> dict[str, CommandRange]:
         """Numbers that each vehicle takes in a command, by its name."""
         return {name: CommandRange.of(each) for name, each in self.now.vehicles.items()}
 
@@ -174,7 +174,7 @@ class Session:
         require_changes(scenario)
         self._paths = require_paths(scenario, paths)
         self._course = Course.of(scenario)
-        self._taken = self._course.taken
+        self._taken = self._course.command_ranges
         self._compiles, self.slow = machine_code, ""
         self._codes = list[EpisodeCode]()
         self._engine = self._make_engine(self._course)
@@ -373,7 +373,7 @@ class Session:
             raise ScenarioError("snapshot: is of another session, must be of this one, whose snapshot() gives it")
         self._course, self._engine = snapshot.course, snapshot.engine
         self._engine.restore(snapshot.held)
-        self._taken = self._course.taken
+        self._taken = self._course.command_ranges
 
     def change(self, values: Mapping[str, Any]) -> None:
         """Change parameters or models, given by path such as plant.gravity, from the next period on.
@@ -453,7 +453,7 @@ class Session:
             engine.take_over(self._engine, anew=anew)
             self._engine = engine
         self._course = course
-        self._taken = course.taken
+        self._taken = course.command_ranges
 
     def _require_one(self, word: str) -> None:
         """Raise an error about what is of one vehicle if the session flies several."""
