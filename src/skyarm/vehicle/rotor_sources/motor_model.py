@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import xml.etree.ElementTree as ET
 from collections.abc import Sequence
+from typing import Any
 
 from skyarm.records.files import must_be_one_of
 from skyarm.vehicle.check import refuse
@@ -77,7 +78,8 @@ def _number_of_motor(plugin: ET.Element) -> float:
 
 
 def _rotor(plugin: ET.Element, joints: Sequence[str]) -> StatedRotor:
-    field, name, values, where, absent = _field(plugin), text_of(plugin, "linkName"), {}, {}, {}
+    field, name, where, absent = _field(plugin), text_of(plugin, "linkName"), {}, {}
+    values = dict[str, Any]()
     assumed: tuple[str, ...] = ()
     if not name:
         refuse(f"{field}.linkName", "(missing)", "must name the rotor's link")
