@@ -66,6 +66,14 @@ def test_a_task_that_cannot_be_is_refused(given, words):
     assert "\n" not in str(error.value)
 
 
+@pytest.mark.parametrize("actions", ["rates_and_thrust", "rotors_and_joints", "residual"])
+def test_a_governed_path_is_refused_under_all_actions(actions):
+    """In flight a policy would see the slower reference, in the environment the other one."""
+    scenario = skyarm.govern(skyarm.load_scenario("case2"), tilt=0.02)
+    with pytest.raises(skyarm.ScenarioError, match="governor: must be left out of an environment"):
+        make_task(scenario, actions=actions)
+
+
 def test_scenarios_that_lanes_do_not_fly_are_refused():
     other = skyarm.load_scenario("case3", plant="mujoco")
     with pytest.raises(skyarm.ScenarioError, match="must be rigid_body"):

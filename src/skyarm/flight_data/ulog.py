@@ -10,7 +10,6 @@ from __future__ import annotations
 import io
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -117,11 +116,7 @@ def _with_resets(flight: FlightData, tables: Mapping[str, RawTable], begin: floa
             if topic in tables and tables[topic].has(column):
                 time = tables[topic].time - begin
                 spans |= {(time[row], time[row + 1]) for row in np.flatnonzero(np.diff(tables[topic].numbers(column)))}
-    if not spans:
-        return flight
-    when = ", ".join(f"{end:.2f}" for _, end in sorted(spans))
-    words = f"pose: the estimator reset it at {when} s; nothing is compared across that."
-    return replace(flight, jumps=tuple(sorted(spans)), notes=(*flight.notes, words))
+    return flight.with_jumps(spans) if spans else flight
 
 
 def _table(name: str, rows: Mapping[str, AnyArray], start: int) -> RawTable:
