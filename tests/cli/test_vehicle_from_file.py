@@ -121,6 +121,21 @@ def test_largest_thrusts_are_written_as_such_rotor_by_rotor(folder, endless):
     assert most == pytest.approx([6.4 if k in endless else 7 + k for k in range(4)], rel=1e-12)
 
 
+def test_a_thrust_coefficient_stays_one_beside_a_largest_thrust(folder):
+    """gym-pybullet-drones states both: k_f per rpm^2 and 2.5 weights, from which the largest speed follows."""
+    parts = [link("hull", (0.02, 0.02, 0.03), mass=0.4)]
+    for k, place in enumerate(("0.1 0 0", "0 0.1 0", "-0.1 0 0", "0 -0.1 0")):
+        parts.append(f'<link name="prop{k}_link"/><joint name="p{k}" type="fixed"><parent link="hull"/>')
+        parts.append(f'<child link="prop{k}_link"/><origin xyz="{place}"/></joint>')
+    stated = '<properties arm="0.1" kf="5e-10" km="1.2e-11" thrust2weight="2.5"/>'
+    saved(folder, robot(stated, *parts))
+    assert skyarm("new", "vehicle", "mine", "--from", "r.urdf").code == 0
+    text = (folder / "mine.toml").read_text("utf-8")
+    written = float(re.search(r"^thrust_coefficient = (\S+)", text, re.MULTILINE)[1])
+    assert written == pytest.approx(5e-10 * (60.0 / (2.0 * np.pi)) ** 2, rel=1e-12)
+    assert "\nmax_thrust" not in text
+
+
 def test_reading_it_back_gives_the_same_vehicle(folder):
     saved(
         folder,
