@@ -141,12 +141,13 @@ def test_a_network_for_another_observation_is_refused_with_both_counts():
         skyarm.run(dataclasses.replace(task.scenario, controller=law))
 
 
-def test_a_policy_gets_no_second_actuator_layer():
+@pytest.mark.parametrize("actions", ["residual", "rotors_and_joints"])
+def test_a_policy_gets_no_second_actuator_layer(actions):
     """Its set points are the environment's; inverted once more as if they were torques, they are others."""
     table = {"schema": 1, "name": "servos", "duration": 0.1, "controller": {"law": "decoupled_pd"}}
     table["reference"] = {"base": {"kind": "hover", "position": [0.0, 0.0, 1.0]}, "joints": [0.1] * 5}
     scenario = skyarm.scenario_from(table | {"plant": {"vehicle": "hexarotor12_arm5"}})
-    environment = Environment(scenario=scenario, actions="residual")
+    environment = Environment(scenario=scenario, actions=actions)
     law = as_law(a_network(environment), environment)
     model, period = scenario.agent.model, scenario.rates.period
     assert on_actuators(law, model, period, servos=True) is law
