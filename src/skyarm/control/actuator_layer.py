@@ -91,6 +91,19 @@ class ActuatorMemory:
     drives: tuple[Any, ...]
     joints: tuple[JointMotion, ...] = ()
 
+    def inside(self, par: ActuatorParameters, command: Command) -> Command:
+        """Torques and speeds without thrust tables that hold with a command's servo setpoints and rotor speeds.
+
+        Torques of motionless joints, by the stiffness of each loop: right for differences of setpoints within a
+        period, but for the share of the loop's integral.
+        """
+        efforts = command.efforts
+        if self.drives:
+            rows = zip(believed_drives(par.model), efforts, strict=True)
+            slopes = [(drive.standing(1.0, 0.0) - drive.standing(0.0, 0.0), goal) for drive, goal in rows]
+            efforts = tuple(where(slope > 0.0, divide(goal, slope), 0.0) for slope, goal in slopes)
+        return replace(command, rotor_speeds=_plain_speeds(par.model, command.rotor_speeds), efforts=efforts)
+
 
 def has_tables(model: Model) -> bool:
     """Return True if a rotor of the model has a thrust table."""
@@ -114,6 +127,12 @@ def _plain(rotor: Rotor) -> Rotor:
 def _plain_speed(rotor: Rotor, speed: Scalar) -> Scalar:
     """Speed (rad/s) at which k_f W^2 equals the thrust table's value at ``speed``."""
     return sqrt(maximum(push(rotor, speed), 0.0))
+
+
+def _plain_speeds(model: Model, speeds: Scalars) -> Scalars:
+    """Speeds (rad/s) of equal thrust of rotors without thrust tables."""
+    rows = zip(model.vehicle.rotors, speeds, strict=True)
+    return tuple(w if rotor.table is None else _plain_speed(rotor, w) for rotor, w in rows)
 
 
 def with_actuators(controller: Controller, model: Model, control_period: float, *, servos: bool = True) -> Controller:
@@ -221,10 +240,7 @@ def actuator_law(
 ) -> tuple[ActuatorMemory, Command]:
     """One step of the control law ``inner``, whose command is converted to servo setpoints and real rotor speeds."""
     own, rotors = par.own, par.model.vehicle.rotors
-    turning = tuple(
-        w if rotor.table is None else _plain_speed(rotor, w)
-        for rotor, w in zip(rotors, measurement.rotor_speeds, strict=True)
-    )
+    turning = _plain_speeds(par.model, measurement.rotor_speeds)
     inner_measurement = replace(measurement, rotor_speeds=turning)
     following, command = inner(memory.inner, inner_measurement, reference, dt, par=own)
     speeds = tuple(

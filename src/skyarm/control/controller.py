@@ -126,6 +126,42 @@ def with_applied_command(memory: Any, sent: Command) -> Any:
     return replace(updated, applied=_applied_flags(desired, sent)) if hasattr(memory, "applied") else updated
 
 
+def with_correction(memory: Any, par: Any, own: Command, sent: Command) -> Any:
+    """Internal state of a law inside any layers after its command ``own`` was corrected to ``sent``.
+
+    A layer that converts commands has a method ``inside`` in its memory: constants of the layer and a command -> that
+    command in the units of the law inside. Each stored command moves by the correction, so that without one none does,
+    and flags that a layer has cleared stay cleared.
+    """
+    if is_record(inner := getattr(memory, "inner", None)):
+        inside = getattr(memory, "inside", lambda _, command: command)
+        within = with_correction(inner, par.own, inside(par, own), inside(par, sent))
+        memory = replace(memory, inner=within)
+    stored = getattr(memory, "sent", None)
+    newest = stored[-1] if isinstance(stored, tuple) and stored else stored
+    if not isinstance(newest, Command):
+        return memory
+    following = with_applied_command(memory, _shifted(newest, own, sent))
+    if not hasattr(memory, "applied"):
+        return following
+    flags = zip(memory.applied, following.applied, strict=True)
+    return replace(following, applied=tuple(before * now for before, now in flags))
+
+
+def _shifted(stored: Command, own: Command, sent: Command) -> Command:
+    """Stored command plus a correction, and the corrected command itself where it stores what the law commanded."""
+
+    def shift(before: Scalars, old: Scalars, new: Scalars) -> Scalars:
+        rows = zip(before, old, new, strict=True)
+        return tuple(where(logical_and(a <= b, a >= b), c, a + (c - b)) for a, b, c in rows)
+
+    return replace(
+        stored,
+        rotor_speeds=shift(stored.rotor_speeds, own.rotor_speeds, sent.rotor_speeds),
+        efforts=shift(stored.efforts, own.efforts, sent.efforts),
+    )
+
+
 def part_of(record: Tree, name: str) -> Any:
     """Constants or internal state of one part of a control law, such as "load"; None if the law has no such part."""
     own = innermost(record)

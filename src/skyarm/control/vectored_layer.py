@@ -87,6 +87,11 @@ class VectoredMemory:
     angles: Annotated[Scalars, Unit("rad", "tilt angles of the modelled servos")]
     matched: Annotated[Scalars, Unit("rad", "tilt angles of servos with the lag of the motors")]
 
+    def inside(self, par: VectoredParameters, command: Command) -> Command:
+        """Command to the pairs of fixed rotors that act as the tilting ones do at the modelled angles."""
+        speeds = speeds_of_pairs(par.model.vehicle, command.rotor_speeds, self.angles)
+        return replace(command, rotor_speeds=speeds, tilts=())
+
 
 def law_inside(controller: Controller) -> Controller:
     """Controller inside the allocation to tilting rotors, which sees a pair of fixed rotors in each of them."""

@@ -9,7 +9,7 @@ from typing import Annotated, Any, NamedTuple
 
 from skyarm.algebra import Scalar, Scalars, Vec3
 from skyarm.algebra.scalars import clip, maximum
-from skyarm.control.controller import with_applied_command
+from skyarm.control.controller import with_correction
 from skyarm.control.model import Model
 from skyarm.dynamics.actuators import Command, mix
 from skyarm.dynamics.actuators.hover import hover_trim
@@ -210,7 +210,7 @@ class References(Actions):
 class Residual(Actions):
     """Action space of corrections added to the control law's command: rotor speeds, then joint setpoints.
 
-    A law that remembers its command receives the command that was sent.
+    A law that remembers its command, in any layers, receives the command that was sent.
 
     Attributes:
         span: share of the model's hover speed at full action.
@@ -227,7 +227,7 @@ class Residual(Actions):
         speeds = tuple(w + self.span * hover * a for w, hover, a in pairs)
         efforts = tuple(u + a * half for u, (a, (_, half)) in zip(own.efforts, self.spans(action, now), strict=True))
         sent = replace(within_limits(now, speeds, efforts), tilts=own.tilts)
-        return with_applied_command(following, _as_kept(following, sent)), sent
+        return with_correction(following, now.par, own, sent), sent
 
 
 ACTIONS: dict[str, type[Actions]] = {
@@ -258,13 +258,6 @@ def within_limits(now: Turn, speeds: Scalars, efforts: Scalars) -> Command:
         for u, link, setpoint in rows
     )
     return Command(rotor_speeds=turned, efforts=limited)
-
-
-def _as_kept(memory: Tree, sent: Command) -> Command:
-    """Vehicle command in the form in which a control law stores its previous command."""
-    stored = getattr(memory, "sent", None)
-    newest = stored[-1] if isinstance(stored, tuple) and stored else stored
-    return sent if getattr(newest, "tilts", ()) else replace(sent, tilts=())
 
 
 def _free(limit: Scalar) -> bool:
