@@ -16,6 +16,9 @@ ROUNDING = 1e-12
 """Relative; chains of six joints lose two or three digits of 16."""
 
 
+AXES = ("1 0 0", "0 1 0", "0 0 1")
+
+
 def random_mjcf(seed, free=True):
     """A random tree: several joints in a body, anchors beside its origin, refs, merged bodies, sites."""
     rng = np.random.default_rng(seed)
@@ -172,6 +175,38 @@ def test_without_a_free_joint_the_only_body_floats(tmp_path):
     vehicle = load_vehicle(path)
     assert vehicle.base == with_joint.base
     assert vehicle.links == with_joint.links
+
+
+SLIDES = "".join(f'<joint name="{n}" type="slide" axis="{a}"/>' for n, a in zip("xyz", AXES, strict=True))
+HINGES = "".join(f'<joint name="r{n}" axis="{a}"/>' for n, a in zip("xyz", AXES, strict=True))
+
+
+@pytest.mark.parametrize("six", [SLIDES + HINGES, HINGES + SLIDES], ids=["slides first", "hinges first"])
+def test_three_slides_and_three_hinges_in_the_base_are_a_free_joint(tmp_path, six):
+    free = random_mjcf(3)
+    turned = free.replace('name="trunk" pos="0 0 1"', 'name="trunk" pos="0.3 0 1" quat="0.5 0.5 0.5 0.5"')
+    motor = '<actuator><motor site="r" gear="0 0 1 0 0 0.01" ctrlrange="0 6"/></actuator>'
+    site = f'<site name="r"/></body></worldbody>{motor}'
+    both = [each.replace("</body></worldbody>", site) for each in (free, turned.replace("<freejoint/>", six))]
+    first, second = (load_vehicle(saved(tmp_path, each, f"m{i}.xml")) for i, each in enumerate(both))
+    assert (second.base, second.links, second.frames) == (first.base, first.links, first.frames)
+    assert second.notes[0].startswith("body trunk: on three slides and three hinges: taken as free")
+
+
+@pytest.mark.parametrize(
+    ("six", "after"),
+    [
+        (SLIDES.replace('axis="0 0 1"', 'axis="1 1 0"') + HINGES, ""),
+        (SLIDES + HINGES, '<actuator><motor joint="z"/></actuator>'),
+        (SLIDES + HINGES, '<equality><joint joint1="z" joint2="x"/></equality>'),
+        (SLIDES.replace('"z"', '"z" stiffness="3"') + HINGES, ""),
+    ],
+    ids=["in a plane", "driven", "tied", "on a spring"],
+)
+def test_six_joints_that_something_holds_are_no_free_joint(tmp_path, six, after):
+    path = saved(tmp_path, model(arm(), after).replace("<freejoint/>", six))
+    with pytest.raises(VehicleError, match=r"'world' weighs nothing|stiffness = 3.0: must be 0"):
+        load_vehicle(path)
 
 
 def test_what_is_fixed_to_the_world_is_left_out_however_many_joints_the_vehicle_has(tmp_path):

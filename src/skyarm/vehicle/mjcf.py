@@ -1,9 +1,9 @@
 """MJCF files: read a vehicle's rigid bodies and joints with MuJoCo's parser.
 
-The body with the free joint is the base; without one it is the only body of the world that has joints or weighs
-something, which then floats, or the world itself. Hinges and slides become joints, several of one body joints with
-massless links between them. Sites, and bodies without joints, become frames. What has no counterpart is refused by its
-name; what acts on joints only is refused where these are not held.
+The body with the free joint, or with three slides and three hinges in its place, is the base; without one it is the
+only body of the world that has joints or weighs something, which then floats, or the world itself. Hinges and slides
+become joints, several of one body joints with massless links between them. Sites, and bodies without joints, become
+frames. What has no counterpart is refused by its name; what acts on joints only is refused where these are not held.
 """
 
 from __future__ import annotations
@@ -14,6 +14,8 @@ from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+
+import numpy as np
 
 from skyarm.algebra import ZERO3, Mat3, Quaternion, Sym3, Vec3
 from skyarm.records.arrays import Array
@@ -144,9 +146,12 @@ def _at_rest(model: MjModel, root: int) -> MjData:
     """Poses of the bodies, joints and sites of a MuJoCo model at rest, a free base at the origin of the world."""
     import mujoco
 
+    if _joints(model, root):
+        model.body_pos[root], model.body_quat[root] = (0, 0, 0), (1, 0, 0, 0)
     data = mujoco.MjData(model)
-    for joint in _joints(model, root):
-        data.qpos[model.jnt_qposadr[joint] :][:7] = (0, 0, 0, 1, 0, 0, 0)
+    for joint in _joints(model, root)[:1]:
+        if kind_of(model, joint) == "free":
+            data.qpos[model.jnt_qposadr[joint] :][:7] = (0, 0, 0, 1, 0, 0, 0)
     mujoco.mj_kinematics(model, data)
     return data
 
@@ -158,8 +163,7 @@ def _root(model: MjModel, wanted: str, notes: Notes) -> tuple[int, list[int]]:
         VehicleError: several bodies could be the base, or ``wanted`` is none of them.
     """
     top = {body: name_of(model, "body", body) for body in range(1, model.nbody) if not model.body_parentid[body]}
-    own = {body: [kind_of(model, joint) for joint in _joints(model, body)] for body in top}
-    free = [body for body in top if "free" in own[body]]
+    free = [body for body in top if _is_free(model, body)]
     moving = [body for body in top if body not in free and body in model.body_rootid[model.jnt_bodyid]]
     heavy = [body for body in top if model.body_subtreemass[body] and model.body_mocapid[body] < 0]
     chosen = [body for body in top if top[body] == wanted] if wanted else free or moving or heavy or list(top)
@@ -175,8 +179,24 @@ def _root(model: MjModel, wanted: str, notes: Notes) -> tuple[int, list[int]]:
     if len(chosen) > 1:
         notes.add(f"together on the world, which is the base; {cure}")
         return 0, []
-    root = chosen[0] if chosen and own[chosen[0]] in ([], ["free"]) else 0
+    root = chosen[0] if chosen and (chosen[0] in free or not _joints(model, chosen[0])) else 0
+    if root in free and len(_joints(model, root)) > 1:
+        why = "on three slides and three hinges: taken as free; their limits, damping and friction are not read"
+        notes.add(why, top[root], "body")
     return root, [body for body in top if body not in chosen]
+
+
+def _is_free(model: MjModel, body: int) -> bool:
+    """True if a body of the world has a free joint, or three slides and three hinges that nothing holds."""
+    joints = _joints(model, body)
+    kinds = np.array([kind_of(model, joint) for joint in joints])
+    if sorted(kinds) != ["prismatic"] * 3 + ["revolute"] * 3:
+        return "free" in kinds
+    driven = set(model.actuator_trnid[np.isin(model.actuator_trntype, AT_JOINT), 0].tolist())
+    tied = {name_of(model, "jnt", joint) for joint in joints} & set(mimics_of(model))
+    sprung = any(_is_stated(model, ("jnt_stiffness", "jnt_stiffnesspoly"), joint) for joint in joints)
+    axes = (model.jnt_axis[joints][kinds == each] for each in set(kinds))
+    return not (driven & {*joints} or tied or sprung) and all(np.linalg.matrix_rank(each, 1e-6) == 3 for each in axes)
 
 
 def _joints(model: MjModel, body: int) -> list[int]:
