@@ -11,16 +11,17 @@ import pytest
 from skyarm import Delays, Scenario, ScenarioError, Session, run, scenario_from
 from skyarm.log.flight_log import Log
 from skyarm.plant.surroundings import Memories
-from skyarm.scenario.in_flight import is_traceable
-from skyarm.scenario.numbers import with_numbers
+from skyarm.scenario.in_flight import is_traceable, require_changes
+from skyarm.scenario.numbers import number_at, with_numbers
 from skyarm.scenario.scenario_record import Change
 from skyarm.sensing.measurement import SensorNoise
 from skyarm.simulate.batch import Batch
 from skyarm.simulate.first_state import first_loop_state
 from skyarm.simulate.loop import run_in_python
 from skyarm.simulate.loop_state import LoopState, carry_over
+from skyarm.vehicle.battery import Battery, CellCurve
 from support.components import same_logs
-from support.flights import document, shared_programs
+from support.flights import document, estimated, shared_programs
 
 GAIN = "controller.gains.position.x"
 PAYLOAD = "plant.payload.mass"
@@ -464,3 +465,24 @@ def test_a_batch_that_changes_between_two_samples_keeps_every_sample() -> None:
     assert outcome.log is not None
     assert outcome.log.time == pytest.approx(0.01 * np.arange(8))
     assert np.array(outcome.log.state.position.z).shape == (1, 8)
+
+
+@pytest.mark.parametrize(
+    ("path", "value"),
+    [
+        ("sensors.imu.gyro.turn_on", 0.1),
+        ("plant.vehicle.battery.charge", 0.2),
+        ("estimator.first_velocity", 0.5),
+        ("world.objects.ball.position.z", 1.0),
+    ],
+)
+def test_a_number_that_is_read_as_a_flight_begins_does_not_change_in_flight(path, value):
+    ball = {"name": "ball", "shape": "box", "size": [0.1, 0.1, 0.1], "mass": 0.1, "position": [0.0, 3.0, 0.1]}
+    begun = estimated(world={"objects": [ball]})
+    curve = CellCurve(charge=(0.0, 1.0), voltage=(3.3, 4.2))
+    pack = Battery(cells=3, capacity=1.0, resistance=0.05, open_circuit=curve, reference_voltage=12.6)
+    vehicle = dataclasses.replace(begun.plant.vehicle, battery=pack)
+    begun = dataclasses.replace(begun, plant=dataclasses.replace(begun.plant, vehicle=vehicle))
+    assert number_at(with_numbers(begun, {path: value}), path) == value
+    with pytest.raises(ScenarioError, match="must be as the flight began, where alone it is read"):
+        require_changes(dataclasses.replace(begun, changes=(Change(at=0.05, path=path, value=value),)))

@@ -104,6 +104,18 @@ def test_vehicles_that_differ_or_act_on_each_other_are_no_fleet(monkeypatch):
     assert not taken(fleet(world={"objects": [ball]}), monkeypatch)
 
 
+@pytest.mark.parametrize("pushed", ["a0", "a2"])
+def test_a_wind_on_one_vehicle_of_a_fleet_pushes_no_other(pushed, monkeypatch):
+    wind = {"mode": "force_wind", "force": [0.0, 1.0, 0.0], "agent": pushed}
+    scenario = fleet(environment={"wind": wind}, sensors={})
+    assert not taken(scenario, monkeypatch)
+    log = skyarm.run(scenario)
+    calm = skyarm.run(fleet(environment={}, sensors={}))
+    moved = {name: log.agents[name].position[-1, 1] - calm.agents[name].position[-1, 1] for name in log.agents}
+    assert [name for name, size in moved.items() if size > 0.01] == [pushed]
+    assert sorted(map(abs, moved.values()))[-2] < 1e-9
+
+
 def test_a_flight_that_is_long_or_commanded_or_compiled_in_full_shares_no_period(monkeypatch):
     assert not taken(fleet(), monkeypatch, effort=2)
     assert not taken(fleet(), monkeypatch, commands=True)

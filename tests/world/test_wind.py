@@ -9,9 +9,11 @@ from skyarm.algebra import Mat3, Sym3, Vec3
 from skyarm.compile import trace
 from skyarm.records.coerce import RecordError
 from skyarm.records.leaves import leaves
+from skyarm.scenario.numbers import with_numbers
 from skyarm.vehicle import Body, Frame, Joint, Link, Vehicle
 from skyarm.world import NO_WIND, ForceWind, Gust, MovingAir, Payload, WindSample
 from skyarm.world.dryden import Dryden, DrydenMemory
+from support.flights import estimated
 from support.worlds import wind
 
 CASE3 = ForceWind(force_W=Vec3(2.0, 0, 0), air_velocity_W=Vec3(2.0, 0, 0))
@@ -137,3 +139,26 @@ def test_a_payload_hangs_at_the_end_effector_unless_told_otherwise():
 def test_an_impossible_payload_is_refused(payload):
     with pytest.raises(RecordError):
         Payload(**payload).held_by(tip_vehicle())
+
+
+def turbulent(velocity, **more):
+    blowing = {"mode": "moving_air", "velocity": velocity, "turbulence": {"altitude": 6.0, "wind_20ft": 7.7} | more}
+    return estimated(environment={"wind": blowing})
+
+
+def test_turbulence_of_an_altitude_follows_a_replaced_mean_wind():
+    for end in ([0.0, 10.0, 0.0], [0.2, 0.0, 0.0], [0.0, 0.0, 0.0], [-3.0, 4.0, 1.0]):
+        there = turbulent(end, minimum_airspeed=0.5).environment.wind.turbulence
+        paths = {f"environment.wind.velocity.{i}": end[i] for i in range(3)}
+        found = with_numbers(turbulent([1.0, 0.0, 0.0], minimum_airspeed=0.5), paths).environment.wind.turbulence
+        assert tuple(found.direction_W) == pytest.approx(tuple(there.direction_W), abs=1e-15)
+        assert found.airspeed == pytest.approx(there.airspeed, rel=1e-15)
+        assert (found.intensity, found.scale_length) == (there.intensity, there.scale_length)
+
+
+def test_an_airspeed_that_is_stated_stays():
+    paths = {"environment.wind.velocity.1": 10.0, "environment.wind.turbulence.airspeed": 3.0}
+    assert with_numbers(turbulent([1.0, 0.0, 0.0]), paths).environment.wind.turbulence.airspeed == 3.0
+    unit = Dryden(intensity=Vec3(1.0, 1.0, 1.0), scale_length=Vec3(9.0, 9.0, 9.0), airspeed=3.0)
+    wind = MovingAir(velocity_W=Vec3(5.0, 0, 0), turbulence=unit)
+    assert wind.with_followers([("velocity_W", "y")]) is wind

@@ -41,6 +41,7 @@ class Unit:
         folds: an exact zero of a plain list is structure and folds away, as one of a file.
         rule: coercion in place of that of the field's type.
         fixed: equal in all episodes and throughout a flight: it shapes the program.
+        begins: a flight reads the number once, as it begins: a change in flight would have no effect.
         usual: size beyond which a number is allowed and probably in another unit; two for a unit "rad or m".
         bound: the number limits a quantity, or is the rate of a slow adaptation; it is no gain, and no search of gains
             scales it.
@@ -56,6 +57,7 @@ class Unit:
     folds: bool = False
     rule: Callable[[str, object], object] | None = None
     fixed: bool = False
+    begins: bool = False
     usual: float | tuple[float, float] = math.inf
     effect: str = ""
     bound: bool = False

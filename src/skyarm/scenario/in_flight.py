@@ -26,7 +26,7 @@ from skyarm.reference import trajectory_from
 from skyarm.reference.path_time import PLANNED
 from skyarm.scenario import readers
 from skyarm.scenario.document import PartDocument
-from skyarm.scenario.numbers import is_added, means_the_same, number_at, require_apart, with_numbers
+from skyarm.scenario.numbers import declared_at, is_added, means_the_same, number_at, require_apart, with_numbers
 from skyarm.scenario.paths import (
     alone,
     by_agent,
@@ -344,6 +344,8 @@ def _require_number(scenario: Scenario, change: Change) -> None:
     """Raise an error unless a change's path leads to a number and the change's value is a number."""
     try:
         number_at(scenario, change.path)
+        if declared_at(scenario, change.path).begins:
+            raise ScenarioError(f"path = {change.path!r}: must be as the flight began, where alone it is read")
     except ScenarioError as error:
         near = did_you_mean(change.path, whole_parts()).strip() if change.path.count(".") < 2 else ""
         raise ScenarioError(f"{error}; {near}" if near else str(error)) from None

@@ -178,11 +178,19 @@ def with_numbers(scenario: Scenario, values: Mapping[str, Scalar]) -> Scenario:
 def _replace_numbers(
     record: Record, fields: Mapping[Place, Scalar], views: Mapping[Place, Mapping[str, Scalar]]
 ) -> Record:
-    """Copy of a record with some fields replaced first, then some values that are computed from several fields."""
+    """Copy of a record with some fields replaced first, then some values that are computed from several fields.
+
+    A part with numbers that follow from others has a method ``with_followers``: places of the replaced ones in it ->
+    the part with the others computed anew.
+    """
     changed = replace_at(record, fields) if fields else record
     for place, numbers in views.items():
         viewed: Viewed = part(changed, place)
         changed = replace_at(changed, {place: viewed.with_views(numbers)})
+    for owner in {place[:end] for place in fields for end in range(1, len(place))}:
+        if hasattr(record_there := part(changed, owner), "with_followers"):
+            own = {place[len(owner) :] for place in fields if place[: len(owner)] == owner}
+            changed = replace_at(changed, {owner: record_there.with_followers(own)})
     return changed
 
 

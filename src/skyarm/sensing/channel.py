@@ -62,6 +62,7 @@ class Channel:
         nonnegative(
             "u",
             "standard deviation of the bias at the start of an episode",
+            begins=True,
             effect="higher values make episodes differ more",
         ),
     ] = 0

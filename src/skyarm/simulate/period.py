@@ -177,14 +177,14 @@ def make_fleet_period(whole: Stages, substeps: Substeps) -> Period | None:
         substeps: counts of integration steps in an interval (s).
 
     Returns:
-        None if vehicles differ in more than paths and first states, if one acts on another, where it does not pay, and
-        for code of the user's, which may tell vehicles by their names.
+        None if vehicles differ in more than paths and first states, if one acts on another or a model on one alone,
+        where it does not pay, and for code of the user's, which may tell vehicles by their names.
     """
     scenario, agents = whole.scenario, [*whole.scenario.agents.values()]
     if (
         scenario.steps > SHARES * (len(agents) - 3)
         or whole.shared
-        or any(model.coupled for model in whole.own[0])
+        or any(model.coupled or getattr(model, "agent", "") for model in whole.own[0])
         or any(each.tracking_start or each.reference.guards or each.reference.load for each in agents)
         or len({digest(plain(replace(each, reference=agents[0].reference, initial=None))) for each in agents}) > 1
         or all_files(scenario)

@@ -91,7 +91,9 @@ class Battery:
         Scalar,
         positive("V", "voltage of the pack for which highest speeds and thrust tables are stated"),
     ]
-    charge: Annotated[Scalar, nonnegative("", "charge at the start, as a fraction of the capacity", high=1.0)] = 1.0
+    charge: Annotated[
+        Scalar, nonnegative("", "charge at the start, as a fraction of the capacity", high=1.0, begins=True)
+    ] = 1.0
     standing_power: Annotated[Scalar, nonnegative("W", "power of all consumers except the rotors")] = 0.0
     efficiency: Annotated[
         Scalar, nonnegative("", "mechanical over electrical power of motors and speed controllers", high=1.0)

@@ -82,7 +82,9 @@ class BatteryDrain(Component[tuple[Scalar, Scalar]]):
         supply = memory[1] / self.battery.reference_voltage
         pairs = zip(commands, rotors, strict=True)
         if self.battery.esc == "open":
-            return [minimum(each, rotor.max_speed) * supply for each, rotor in pairs]
+            scaled = [(minimum(each, rotor.max_speed) * supply, rotor) for each, rotor in pairs]
+            # above the reference voltage a rotor stays within its speeds: forwards by its lag, backwards by this
+            return [maximum(each, rotor.min_speed) if rotor.reversible else each for each, rotor in scaled]
         return [clip(each, rotor.min_speed * supply, rotor.max_speed * supply) for each, rotor in pairs]
 
     @property

@@ -18,10 +18,11 @@ calm day would freeze one draw for the whole episode). V and the altitude are co
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import Annotated
 
 from skyarm.algebra import E_X, E_Z, Scalar, Scalars, Vec3
-from skyarm.algebra.scalars import divide, exp, log, maximum, sqrt
+from skyarm.algebra.scalars import divide, exp, log, maximum, sqrt, where
 from skyarm.records.coerce import accept, concrete, unit_vector
 from skyarm.records.field_rules import accept_fields
 from skyarm.records.immutable import immutable, positional
@@ -55,10 +56,22 @@ class Dryden:
         positive("m/s", "speed at which the turbulence passes the vehicle", effect="higher speeds make faster gusts"),
     ]
     direction_W: Annotated[Vec3, Unit("", "horizontal unit vector of the component u, world axes", folds=True)] = E_X
+    least_airspeed: Annotated[
+        Scalar, nonnegative("m/s", "least airspeed where airspeed and direction follow the mean wind; 0 where not")
+    ] = 0
 
     def __post_init__(self) -> None:
         accept_fields(self, "turbulence")
         accept(self, "turbulence", {"direction_W": unit_vector})
+
+    def in_wind(self, velocity_W: Vec3) -> Dryden:
+        """Turbulence that passes at the speed of a mean wind (m/s, world axes), its component u along the wind."""
+        x, y, z = velocity_W
+        level = sqrt(x * x + y * y)
+        blows, length = level > 0.0, where(level > 0.0, level, 1.0)
+        along = Vec3(where(blows, divide(x, length), 1.0), where(blows, divide(y, length), 0.0), 0)
+        speed = maximum(sqrt(x * x + y * y + z * z), self.least_airspeed)
+        return replace(self, airspeed=speed, direction_W=along)
 
 
 @positional
@@ -102,6 +115,7 @@ def low_altitude(
         scale_length=Vec3(horizontal_length, horizontal_length, altitude),
         airspeed=maximum(mean_wind, minimum_airspeed),
         direction_W=direction_W,
+        least_airspeed=minimum_airspeed,
     )
 
 

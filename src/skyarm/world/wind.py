@@ -24,16 +24,19 @@ The turbulence's u axis lies along the horizontal mean wind (world x in calm air
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from typing import Annotated, Any, ClassVar
+from collections.abc import Collection, Sequence
+from dataclasses import replace
+from typing import Annotated, Any, ClassVar, Self
 
 from skyarm.algebra import E_X, ZERO3, Scalar, Scalars, Vec3
 from skyarm.algebra.scalars.philox import normals
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.dynamics.state import State
+from skyarm.records.coerce import absent
 from skyarm.records.field_rules import accept_fields, checked
 from skyarm.records.files import Fields
 from skyarm.records.immutable import field_if_any, immutable, positional
+from skyarm.records.leaves import Place
 from skyarm.records.read_table import record_entry, record_from, registered_from
 from skyarm.records.registry import names
 from skyarm.records.units import Unit
@@ -227,6 +230,14 @@ class MovingAir(GustyWind[Turbulence], Air[Turbulence]):
             inner = Fields(fields.take("turbulence"), fields.at("turbulence"))
             values["turbulence"] = low_turbulence(inner, fields.vector(word, (0.0, 0.0, 0.0)))
         return values
+
+    def with_followers(self, replaced: Collection[Place]) -> Self:
+        """Wind whose turbulence of an altitude has airspeed and direction of the replaced mean velocity."""
+        followed, places = self.turbulence, {place[:2] for place in replaced}
+        stated = {("turbulence", each) for each in ("airspeed", "direction_W", "least_airspeed")}
+        if followed is None or absent(followed.least_airspeed) or places & stated:
+            return self
+        return replace(self, turbulence=followed.in_wind(self.velocity_W))
 
     @property
     def uniforms(self) -> int:

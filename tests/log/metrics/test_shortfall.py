@@ -76,6 +76,30 @@ def test_speeds_that_the_battery_cuts_are_at_a_limit(hover, esc, share, monkeypa
     assert found is None or found.limit == 419.0
 
 
+@pytest.mark.parametrize("voltage", [12.6, 13.9])
+def test_the_highest_speed_is_a_limit_however_full_the_pack(hover, voltage, monkeypatch):
+    curve = CellCurve(charge=(0.0, 1.0), voltage=(3.3, 4.2))
+    pack = Battery(cells=3, capacity=1.0, resistance=0.05, open_circuit=curve, reference_voltage=12.6)
+    vehicle = dataclasses.replace(skyarm.load_scenario("case3").plant.vehicle, battery=pack)
+    monkeypatch.setattr("skyarm.log.metrics.shortfall.restored_at", lambda *_: vehicle)
+    log = with_components(hover, battery_voltage=np.full((hover.time.size, 1), voltage))
+    log = changed(log, rotor_commands=np.full_like(log.rotor_commands, vehicle.rotors[0].max_speed))
+    found = log.shortfall.saturation
+    assert (found.share, found.limit) == (1.0, vehicle.rotors[0].max_speed)
+
+
+def test_backwards_a_reversible_rotor_has_the_limit_of_the_voltage_too(hover, monkeypatch):
+    curve = CellCurve(charge=(0.0, 1.0), voltage=(3.3, 4.2))
+    pack = Battery(cells=3, capacity=1.0, resistance=0.05, open_circuit=curve, reference_voltage=12.6)
+    vehicle = skyarm.load_scenario("case3").plant.vehicle
+    rotors = tuple(dataclasses.replace(each, reversible=True) for each in vehicle.rotors)
+    vehicle = dataclasses.replace(vehicle, battery=pack, rotors=rotors)
+    monkeypatch.setattr("skyarm.log.metrics.shortfall.restored_at", lambda *_: vehicle)
+    log = with_components(hover, battery_voltage=np.full((hover.time.size, 1), 6.3))
+    found = changed(log, rotor_commands=np.full_like(log.rotor_commands, -500.0)).shortfall.saturation
+    assert (found.share, found.limit) == (1.0, -419.0)
+
+
 def changed(log, **arrays):
     return dataclasses.replace(log, **arrays)
 

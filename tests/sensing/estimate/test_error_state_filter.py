@@ -275,6 +275,10 @@ def test_the_push_that_the_model_lacks_is_found():
             {"sensors__imu__latency": 0.015},
             r"sensors.imu.latency = 0.015 s: must be at most sensors.mocap.latency = 0.01 s, or the filter never uses",
         ),
+        (
+            {"sensors__imu__frequency": 100.0, "sensors__mocap__frequency": 40.0},
+            r"sensors.mocap.frequency = 40 Hz: must divide that of sensors.imu, 100 Hz",
+        ),
         ({"estimator__aiding": "compass"}, r"aiding = 'compass': must be one of pose, position, position_heading"),
         ({"estimator__force": "both"}, r"force = 'both': must be one of measured, modelled"),
         ({"estimator__inflation": 0.5}, r"inflation = 0.5: must be at least 1"),
@@ -345,6 +349,22 @@ def test_a_push_that_turns_with_the_base_walks_by_how_fast_it_turns():
     np.testing.assert_allclose(found[15:], (0.02**2 + 0.2 * turning**2) * PERIOD, rtol=1e-9)
     np.testing.assert_allclose(found[:6], 0.0)
     np.testing.assert_allclose(found[6:9], 0.005**2 * PERIOD)
+
+
+def test_a_rotor_that_turns_backwards_pushes_the_other_way_in_the_modelled_force():
+    vehicle = estimated().plant.vehicle
+    rotors = tuple(dataclasses.replace(rotor, reversible=True) for rotor in vehicle.rotors)
+    vehicle = dataclasses.replace(vehicle, rotors=rotors)
+    still = (skyarm.Vec3(0.0, 0.0, 0.0),) * 2
+
+    def vertical(*speeds):
+        return modelled_force(vehicle, *still, (0.0, 0.0), (0.0, 0.0), [(w,) * 4 for w in speeds], (0.0, 0.0)).z
+
+    forwards = vertical(400.0, 400.0)
+    assert forwards > 1.0
+    assert vertical(-400.0, -400.0) == pytest.approx(-forwards)
+    # of w |w| the mean of both ends: from -300 to 400 rad/s (400^2 - 300^2) / 2
+    assert vertical(-300.0, 400.0) == pytest.approx(forwards * (400.0**2 - 300.0**2) / 2.0 / 400.0**2)
 
 
 def test_the_modelled_force_is_the_plants_own_where_the_model_is_the_plant():

@@ -124,8 +124,8 @@ def _saturation(log: Log) -> Saturation | None:
         beyond |= at_limit
         over = np.where(np.isfinite(sent), np.maximum(sent - high, low - sent), np.inf)
         worst = int(np.argmax(np.where(at_limit, over, -np.inf)))
-        highest = float(np.broadcast_to(high, sent.shape)[worst])
-        limit = low if low - sent[worst] > sent[worst] - highest else highest
+        lowest, highest = (float(np.broadcast_to(each, sent.shape)[worst]) for each in (low, high))
+        limit = lowest if lowest - sent[worst] > sent[worst] - highest else highest
         if at_limit.any():
             limited.append((over[worst] / (abs(limit) or 1.0), actuator, float(sent[worst]), limit, unit))
     if not limited:
@@ -145,17 +145,18 @@ def _cut(over: Array, limit: float | Array, unit: str) -> Array:
     return np.isfinite(limit) & ~(over < least)
 
 
-def _actuator_limits(log: Log) -> Iterator[tuple[str, str, Array, float, float | Array]]:
-    """Yield name, unit, commands (N,), lower and upper limit of each limited actuator; the upper one may change."""
+def _actuator_limits(log: Log) -> Iterator[tuple[str, str, Array, float | Array, float | Array]]:
+    """Yield name, unit, commands (N,), lower and upper limit of each limited actuator; they may change."""
     vehicle = restored_at(log.info, "plant.vehicle")
     if vehicle is None:
         return
     supply: float | Array = 1.0
     voltage, battery = log.component("battery_voltage"), vehicle.battery
     if voltage.size and battery is not None and battery.esc != "open":  # an open loop scales speeds and cuts none
-        supply = voltage.reshape(log.time.size) / float(battery.reference_voltage)
+        # above the reference voltage a rotor stays at its highest speed
+        supply = np.minimum(voltage.reshape(log.time.size) / float(battery.reference_voltage), 1.0)
     for rotor, sent in zip(vehicle.rotors, log.rotor_commands.T, strict=True):
-        yield f"rotor {rotor.name}", "rad/s", sent, float(rotor.min_speed), float(rotor.max_speed) * supply
+        yield f"rotor {rotor.name}", "rad/s", sent, float(rotor.min_speed) * supply, float(rotor.max_speed) * supply
     tilting = [rotor for rotor in vehicle.rotors if rotor.tilt is not None]
     for rotor, sent in zip(tilting, log.tilt_commands.T, strict=True):
         yield f"tilt of rotor {rotor.name}", "rad", sent, float(rotor.tilt.lower), float(rotor.tilt.upper)

@@ -242,23 +242,25 @@ class FilterNumbers(Estimator):
             effect="higher values accept readings again sooner after a wrong start",
         ),
     ] = 1.5
-    first_velocity: Annotated[Scalar, nonnegative("m/s", "initial standard deviation of the velocity")] = 0.1
+    first_velocity: Annotated[Scalar, nonnegative("m/s", "initial standard deviation of the velocity", begins=True)] = (
+        0.1
+    )
     first_tilt: Annotated[
-        Scalar, nonnegative("rad", "initial standard deviation of the tilt, without a pose reading")
+        Scalar, nonnegative("rad", "initial standard deviation of the tilt, without a pose reading", begins=True)
     ] = 0.05
     first_heading: Annotated[
-        Scalar, nonnegative("rad", "initial standard deviation of the heading, without a heading reading")
+        Scalar, nonnegative("rad", "initial standard deviation of the heading, without a heading reading", begins=True)
     ] = 0.5
-    first_gyro_bias: Annotated[Scalar, nonnegative("rad/s", "initial standard deviation of the gyroscope's bias")] = (
-        0.01
-    )
+    first_gyro_bias: Annotated[
+        Scalar, nonnegative("rad/s", "initial standard deviation of the gyroscope's bias", begins=True)
+    ] = 0.01
     first_accelerometer_bias: Annotated[
-        Scalar, nonnegative("m/s^2", "initial standard deviation of the accelerometer's bias")
+        Scalar, nonnegative("m/s^2", "initial standard deviation of the accelerometer's bias", begins=True)
     ] = 0.1
     first_push: Annotated[
-        Scalar, nonnegative("m/s^2", "initial standard deviation of the specific force beyond the model")
+        Scalar, nonnegative("m/s^2", "initial standard deviation of the specific force beyond the model", begins=True)
     ] = 2.0
-    start_heading: Annotated[Scalar, Unit("rad", "initial heading, without a heading reading")] = 0.0
+    start_heading: Annotated[Scalar, Unit("rad", "initial heading, without a heading reading", begins=True)] = 0.0
     joint_bandwidth: Annotated[
         Scalar,
         nonnegative(
@@ -312,7 +314,7 @@ class FilterNumbers(Estimator):
 
         Raises:
             ValueError: one line: a kind of sensor that is missing or there twice, or readings that come too late, or
-                whose instant has passed before the inertial unit's reading of it comes.
+                whose instant has passed before the inertial unit's reading of it comes, or is none of its instants.
         """
         self.require_torques(vehicle.name, {each.name: each.drive for each in vehicle.drives})
         lag = self.delay_periods / rate
@@ -335,6 +337,13 @@ class FilterNumbers(Estimator):
                 raise ValueError(
                     f"sensors.{imu}.latency = {sensors[imu].latency:g} s: must be at most sensors."
                     f"{names[0]}.latency = {sensor.latency:g} s, or the filter never uses those readings"
+                )
+            often, seldom = (each.frequency or rate for each in (sensors[imu], sensor))
+            # else it would correct the state of one instant by a reading of an earlier one
+            if kind in aids and abs(often / seldom - round(often / seldom)) > 1e-9:
+                raise ValueError(
+                    f"sensors.{names[0]}.frequency = {seldom:g} Hz: must divide that of sensors.{imu}, {often:g} Hz; "
+                    f"the filter corrects at readings of the inertial unit"
                 )
 
     def require_torques(self, vehicle: str, drives: Mapping[str, Drive]) -> None:

@@ -18,7 +18,7 @@ from typing import Annotated
 
 from skyarm import dynamics
 from skyarm.algebra import ZERO3, Force, Scalar, Scalars, Vec3
-from skyarm.algebra.scalars import add, data, exp, logical_and, maximum, sqrt, where
+from skyarm.algebra.scalars import absolute, add, data, exp, logical_and, maximum, sqrt, where
 from skyarm.dynamics.actuators import joint_force, stop_force
 from skyarm.dynamics.actuators.rotor import rotor_force
 from skyarm.dynamics.body_drag import body_drag
@@ -26,7 +26,7 @@ from skyarm.records.immutable import immutable
 from skyarm.records.units import Unit
 from skyarm.sensing.sensor import specific_force_at
 from skyarm.sensing.sensor_kinds import EncoderReading
-from skyarm.vehicle import Vehicle
+from skyarm.vehicle import Rotor, Vehicle
 
 
 @immutable
@@ -99,11 +99,12 @@ def modelled_force(
         rate: rad/s, base axes.
         joints: rad or m, at the end of the period.
         joint_rates: rad/s or m/s, at the end of the period.
-        speeds: speeds of the rotors at the beginning and at the end, rad/s; thrust goes with the mean of their squares.
+        speeds: speeds of the rotors at the beginning and at the end, rad/s; thrust goes with the mean of their squares,
+            that of a reversible rotor with the sign of each.
         efforts: efforts of the joints over the period, N m or N: setpoints of drives that give torques.
         place: the point, m, base axes.
     """
-    mean = [sqrt(0.5 * (a * a + b * b)) for a, b in zip(*speeds, strict=True)]
+    mean = [_mean_speed(rotor, a, b) for rotor, a, b in zip(vehicle.rotors, *speeds, strict=True)]
     # rotor by rotor: sums over alike rotors would round otherwise where their numbers are parameters
     applied = Force(ZERO3, body_drag(vehicle.drag, velocity_B))
     for rotor, speed in zip(vehicle.rotors, mean, strict=True):
@@ -114,3 +115,11 @@ def modelled_force(
     ]
     base, _ = dynamics.forward_dynamics(vehicle, joints, rate, joint_rates, applied, torques)
     return Vec3(*map(data, specific_force_at(place, base, rate)))
+
+
+def _mean_speed(rotor: Rotor, begin: Scalar, end: Scalar) -> Scalar:
+    """Speed (rad/s) of the mean thrust between two speeds of a rotor; a reversible one pushes backwards below 0."""
+    if not rotor.reversible:
+        return sqrt(0.5 * (begin * begin + end * end))
+    square = 0.5 * (begin * absolute(begin) + end * absolute(end))
+    return where(square < 0.0, -1.0, 1.0) * sqrt(absolute(square))

@@ -87,10 +87,12 @@ class FreeObject(Carrier[ObjectMotion]):
         nonnegative("kg m^2", "principal moments of inertia about the centre of mass, object axes; 0: uniform density"),
     ] = ZERO3
     com: Annotated[Vec3, Unit("m", "centre of mass from the middle of the shape, object axes", folds=True)] = ZERO3
-    position: Annotated[Vec3, Unit("m", "initial position of the middle of the shape, world axes")] = REST
-    angles: Annotated[Vec3, Unit("rad", "initial roll, pitch, yaw: about x, then y, then z of the world")] = REST
-    velocity: Annotated[Vec3, Unit("m/s", "initial velocity of the centre of mass, world axes")] = REST
-    angular_velocity: Annotated[Vec3, Unit("rad/s", "initial angular velocity, world axes")] = REST
+    position: Annotated[Vec3, Unit("m", "initial position of the middle of the shape, world axes", begins=True)] = REST
+    angles: Annotated[
+        Vec3, Unit("rad", "initial roll, pitch, yaw: about x, then y, then z of the world", begins=True)
+    ] = REST
+    velocity: Annotated[Vec3, Unit("m/s", "initial velocity of the centre of mass, world axes", begins=True)] = REST
+    angular_velocity: Annotated[Vec3, Unit("rad/s", "initial angular velocity, world axes", begins=True)] = REST
     standing: bool = False
     material: Material = field(default_factory=Material)
     mesh: str = field_if_any(default="")

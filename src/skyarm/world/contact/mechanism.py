@@ -58,7 +58,7 @@ class Mechanism(Carrier[MechanismMotion]):
         Vec3, Unit("m", "centre of mass, mechanism axes; 0 without inertia: that of the body", folds=True)
     ] = ZERO3
     inertia: Annotated[Scalar, nonnegative("kg m^2", "inertia about the axis of a hinge; 0 for a uniform body")] = 0
-    initial: Annotated[Scalar, Unit("rad or m", "initial coordinate of the motion")] = 0.0
+    initial: Annotated[Scalar, Unit("rad or m", "initial coordinate of the motion", begins=True)] = 0.0
     lower: Annotated[Scalar, Unit("rad or m", "coordinate of the lower stop", infinite=True)] = -math.inf
     upper: Annotated[Scalar, Unit("rad or m", "coordinate of the upper stop", infinite=True)] = math.inf
     stiffness: Annotated[

@@ -54,9 +54,9 @@ class Decentralised(Sharing):
             effect="higher values find the mass sooner and swing",
         ),
     ] = 40.0
-    initial_mass: Annotated[Scalar, nonnegative("kg", "part of the body's mass that each member supposes at first")] = (
-        0.0
-    )
+    initial_mass: Annotated[
+        Scalar, nonnegative("kg", "part of the body's mass that each member supposes at first", begins=True)
+    ] = 0.0
     filter: Annotated[
         Scalar,
         positive("rad/s", "bandwidth of the velocity", effect="higher values react sooner and pass more noise"),
