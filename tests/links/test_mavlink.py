@@ -271,14 +271,30 @@ def test_an_unknown_message_is_no_frame_amid_garbage_or_with_an_impossible_check
         assert (parser.unknown, parser.bad) == (unknown, 1 - unknown)
 
 
-def test_frames_of_version_1_are_skipped_whole() -> None:
-    fields = {"type": 2, "custom_mode": 77}
-    old = oracle_frame("HEARTBEAT", fields, 1, 1, 1, force_mavlink1=True)
+@pytest.mark.parametrize("name", sorted(each for each in DEFINITIONS if DEFINITIONS[each].number < 256))
+def test_frames_of_version_1_are_decoded(name: str) -> None:
+    """An autopilot sends them until it hears a frame of version 2: who waits for version 2 waits for ever."""
+    extensions = {each.name for each in DEFINITIONS[name].fields if each.extension}
+    fields = {key: value for key, value in random_fields(name, random.Random(name)).items() if key not in extensions}
+    old = oracle_frame(name, fields, 1, 7, 1, force_mavlink1=True)
     assert old[0] == 0xFE
+    parser = Parser()
+    (found,) = parser.feed(old)
+    assert (found.name, found.system, found.component, parser.version_1, parser.version_2) == (name, 7, 1, 1, 0)
+    zeros = {each.name: each.default for each in DEFINITIONS[name].fields}
+    assert found.fields == {field: "" if value == b"" else value for field, value in (zeros | fields).items()}
+
+
+def test_frames_of_version_1_are_skipped_whole() -> None:
+    """Those of a message that is not in ``DEFINITIONS``."""
+    assert "SYS_STATUS" not in DEFINITIONS
+    link = ardupilotmega.MAVLink(None, srcSystem=1, srcComponent=1)
+    link.seq = 1
+    old = bytes(ardupilotmega.MAVLink_sys_status_message(*[3] * 13).pack(link, force_mavlink1=True))
     parser = Parser()
     found = parser.feed(pack("HEARTBEAT", sequence=0) + old + pack("HEARTBEAT", sequence=2))
     assert len(found) == 2
-    assert (parser.version_1, parser.unknown, parser.bad, parser.lost) == (1, 0, 0, 0)
+    assert (parser.version_1, parser.version_2, parser.unknown, parser.bad, parser.lost) == (1, 2, 1, 0, 0)
     damaged = old[:8] + bytes([old[8] ^ 1]) + old[9:]
     assert parser.feed(damaged + pack("HEARTBEAT", sequence=3)) != []
     assert (parser.version_1, parser.bad) == (1, 1)

@@ -1,8 +1,10 @@
-"""MAVLink 2 frames: encode messages, and find and decode them in bytes from a stream or from datagrams.
+"""MAVLink frames: encode messages in version 2, and decode those of versions 1 and 2 from a stream or from datagrams.
 
-A frame is ``0xFD``, length of the payload, two bytes of flags, sequence, system, component, three bytes of message
-number, payload without its trailing zeros, two bytes of checksum, and 13 bytes of signature where a flag says so
-(mavlink.io, "Packet serialization"). All numbers are little endian. No socket here: bytes in, bytes out.
+A frame of version 2 is ``0xFD``, length of the payload, two bytes of flags, sequence, system, component, three bytes of
+message number, payload without its trailing zeros, two bytes of checksum, and 13 bytes of signature where a flag says
+so (mavlink.io, "Packet serialization"). One of version 1 begins with ``0xFE``, has no flags, one byte of message
+number, a whole payload without extensions, and no signature; an autopilot may send it until it hears version 2. All
+numbers are little endian. No socket here: bytes in, bytes out.
 """
 
 from __future__ import annotations
@@ -138,14 +140,14 @@ class Parser:
     Attributes:
         bad: beginnings of frames with a wrong checksum, length or flag.
         skipped: bytes that belonged to no frame.
-        unknown: frames of MAVLink 2 whose message is not in ``DEFINITIONS``.
-        version_1: frames of MAVLink 1; they are not decoded.
+        unknown: frames whose message is not in ``DEFINITIONS``.
+        version_1, version_2: frames of MAVLink 1 and of MAVLink 2, decoded or unknown.
         signed: decoded frames with a signature, which is not verified.
         lost_by_sender: frames that are missing in the sequence, by numbers of system and component.
     """
 
     def __init__(self, *, datagrams: bool = False) -> None:
-        self.bad = self.skipped = self.unknown = self.version_1 = self.signed = 0
+        self.bad = self.skipped = self.unknown = self.version_1 = self.version_2 = self.signed = 0
         self.lost_by_sender: dict[tuple[int, int], int] = {}
         self._next_sequence: dict[tuple[int, int], int] = {}
         self._datagrams = datagrams
@@ -204,12 +206,12 @@ class Parser:
         elif checksum(body + definition.check) != received:
             return False
         self._count(sequence, (system, component))
-        if not version_2:
-            self.version_1 += 1
-        elif definition is None:
+        self.version_1 += not version_2
+        self.version_2 += version_2
+        if definition is None:
             self.unknown += 1
         else:
-            self.signed += pending[start + 2] & _SIGNED
+            self.signed += version_2 and pending[start + 2] & _SIGNED
             fields = _fields(definition, pending[payload:tail])
             messages.append(Message(name=definition.name, system=system, component=component, fields=fields))
         return True

@@ -14,6 +14,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from skyarm.links import mavlink
+from skyarm.links.mavlink_messages import DEFINITIONS_BY_NUMBER, checksum
 
 PX4_HOLD, PX4_OFFBOARD = 4 << 16 | 3 << 24, 6 << 16
 GRAVITY = 9.81
@@ -24,6 +25,16 @@ def free_port() -> int:
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
         probe.bind(("127.0.0.1", 0))
         return probe.getsockname()[1]
+
+
+def version_1(frame: bytes) -> bytes | None:
+    """Frame of MAVLink 1 with the message of one of MAVLink 2; None for a number that it has no room for."""
+    definition = DEFINITIONS_BY_NUMBER[int.from_bytes(frame[7:10], "little")]
+    if definition.number > 255:
+        return None
+    payload = frame[10:-2].ljust(definition.layout.size, b"\0")
+    body = bytes((len(payload), *frame[4:7], definition.number)) + payload
+    return b"\xfe" + body + checksum(body + definition.check).to_bytes(2, "little")
 
 
 def quaternion_of(R: np.ndarray) -> list[float]:
@@ -59,6 +70,8 @@ class StandIn:
             changes to hold, disarms, sends NaN, or sets its clock back by 100 s, or on by 1000 s.
         mute: it does not say whether a mode was entered, nor beats in offboard mode.
         numbers: values of parameters, in place of its own.
+        forceless_at: s after it entered offboard mode from which it sends no accelerometer; -inf for never.
+        old: it sends MAVLink 1, "first" until it hears MAVLink 2, or "always".
         refuses: set points are never taken. armed, landed: as it says. odometry: else attitude and position apart.
         secrets: parameters that it does not send. offboard: another program commands it.
         place, heading: where it hovers, north east down, rad.
@@ -73,6 +86,8 @@ class StandIn:
     nan_at: float = np.inf
     back_at: float = np.inf
     ahead_at: float = np.inf
+    forceless_at: float = np.inf
+    old: str = ""
     refuses: bool = False
     mute: bool = False
     numbers: dict[str, float] = field(default_factory=dict)
@@ -113,6 +128,8 @@ class StandIn:
     def _send(self, name: str, **fields: object) -> None:
         frame = mavlink.pack(name, sequence=self._sequence, system=7, component=1, **fields)
         self._sequence += 1
+        if self.old and (frame := version_1(frame)) is None:
+            return
         with contextlib.suppress(OSError):
             self._socket.sendto(frame, ("127.0.0.1", self.port))
 
@@ -164,6 +181,9 @@ class StandIn:
             self._send(
                 "ATTITUDE_QUATERNION", time_boot_ms=round(now * 1e3), rollspeed=p, pitchspeed=q, yawspeed=r, **names
             )
+        if since < self.forceless_at:
+            share = self.thrust / self.hover if self.offboard else 1.0
+            self._send("HIGHRES_IMU", zacc=-GRAVITY * share)
         if steps % 25 == 0 and not (self.mute and self.offboard):
             armed = self.armed and since < self.disarms_at
             mode = PX4_OFFBOARD if self.offboard else PX4_HOLD
@@ -178,6 +198,7 @@ class StandIn:
 
     def _hear(self, m: mavlink.Message, now: float) -> None:
         self.seen.append(m.name)
+        self.old = "" if self.old == "first" else self.old
         if m.name == "SET_ATTITUDE_TARGET":
             self.rates = np.array([m["body_roll_rate"], m["body_pitch_rate"], m["body_yaw_rate"]])
             self.thrust = m["thrust"]

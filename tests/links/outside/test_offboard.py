@@ -14,6 +14,7 @@ import pytest
 
 from links.outside.stand_in import StandIn, free_port
 from skyarm import load_scenario
+from skyarm.control.laws.centroidal import make_centroidal
 from skyarm.links.joint_port import JointPortError, JointReading, JointServer, NoJoints, UdpJoints
 from skyarm.links.outside import offboard
 from skyarm.links.outside.offboard import OffboardFlight, OffboardSettings, require_outside
@@ -152,6 +153,46 @@ def test_a_mode_that_is_entered_without_an_answer_is_handed_back(scenario, monke
         flown(scenario(), mute=True)
     assert peers[0].asked[:1] == ["offboard"]
     assert peers[0].modes[:2] == ["offboard", "hold"]
+
+
+def test_a_law_that_needs_an_accelerometer_flies_only_with_one(tmp_path):
+    (tmp_path / "indi.toml").write_text(SCENARIO.format(duration=1.0).replace("rotors_sim_position", "indi"))
+    planned = load_scenario(str(tmp_path / "indi.toml"))
+    log, _ = flown(planned)
+    assert log.status == "completed"
+    log, peer = flown(planned, forceless_at=0.3)
+    assert (log.status, log.info["cause"]) == ("link_lost", "no accelerometer reading from the autopilot for 0.5 s")
+    assert peer.modes == ["offboard", "hold"]
+    words = (
+        r"law 'indi' needs an accelerometer: raise the rate .* HIGHRES_IMU, or fly another law; no reading came within"
+    )
+    with pytest.raises(OffboardError, match=words) as error:
+        flown(planned, dataclasses.replace(SETTINGS, patience=0.4), forceless_at=-np.inf)
+    assert "\n" not in str(error.value)
+
+
+def test_an_autopilot_that_waits_for_mavlink_2_is_flown(scenario):
+    """It begins in MAVLink 1, as PX4 does, and sends the message of its estimator only in MAVLink 2."""
+    log, peer = flown(scenario(0.3), old="first")
+    assert (log.status, peer.old) == ("completed", "")
+
+
+def test_an_autopilot_that_stays_in_mavlink_1_is_named(scenario):
+    settings = dataclasses.replace(SETTINGS, patience=0.4)
+    words = r"sent nothing within 0.4 s \(only MAVLink 1 came: set MAV_PROTO_VER = 2"
+    with pytest.raises(OffboardError, match=words) as error:
+        flown(scenario(), settings, old="always")
+    assert "\n" not in str(error.value)
+
+
+def test_an_autopilot_that_stays_in_mavlink_1_flies_by_its_older_messages(scenario):
+    log, _ = flown(scenario(0.3), old="always", odometry=False)
+    assert log.status == "completed"
+
+
+def test_a_law_that_needs_none_flies_without_an_accelerometer(scenario):
+    log, _ = flown(scenario(0.5), forceless_at=-np.inf)
+    assert log.status == "completed"
 
 
 def test_a_vehicle_far_from_its_reference_is_handed_back(scenario):
@@ -331,6 +372,13 @@ def test_a_scenario_that_needs_a_simulator_is_refused(name, controller, words):
     scenario = load_scenario(name, controller=controller)
     with pytest.raises(ScenarioError, match=words):
         require_outside(scenario)
+
+
+def test_a_law_that_reads_a_force_sensor_is_refused():
+    begun, soft = load_scenario("case3"), {"mass": [1.0] * 3, "damping": [10.0] * 3, "stiffness": [0.0] * 3}
+    law = make_centroidal(begun.controller.par.model, mode="tip", admittance=soft, force_sensor=True)
+    with pytest.raises(ScenarioError, match="must leave force_sensor out"):
+        require_outside(begun.with_controller(law))
 
 
 def test_a_flight_holds_no_port_after_its_end(scenario):

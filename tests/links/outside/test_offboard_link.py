@@ -8,6 +8,7 @@ import time
 import numpy as np
 import pytest
 
+from links.outside.stand_in import version_1
 from skyarm.algebra import Vec3
 from skyarm.links import mavlink
 from skyarm.links.outside import offboard_link
@@ -197,9 +198,12 @@ def test_the_accelerometer_goes_with_the_next_estimate(link, peer):
     peer.say("HIGHRES_IMU", xacc=1.0, yacc=2.0, zacc=-9.0)
     peer.odometry(5.0)
     assert [*link.take().specific_force] == [1.0, -2.0, 9.0]
-    peer.say("HIGHRES_IMU", xacc=math.nan)
+    heard = link.force_heard
+    for fields in ({"xacc": math.nan}, {}):  # three zeros are no reading
+        peer.say("HIGHRES_IMU", **fields)
     peer.odometry(5.1)
     assert [*link.take().specific_force] == [1.0, -2.0, 9.0]
+    assert link.force_heard == heard  # and its age shows that nothing came since
 
 
 @pytest.mark.parametrize(
@@ -242,6 +246,20 @@ def test_a_wait_that_is_over_reads_what_has_come(link, peer):
     peer.socket.sendto(mavlink.pack("HEARTBEAT", sequence=0, system=3, component=1, autopilot=12, type=2), peer.to)
     link.wait(-1.0)
     assert link.modes is MODES[12]
+
+
+def test_an_autopilot_that_begins_in_mavlink_1_is_answered_in_mavlink_2(link, peer):
+    """PX4 and ArduPilot change to version 2 once they hear it, and wait for it."""
+    assert link.hint == ""
+    beat = mavlink.pack("HEARTBEAT", sequence=0, system=3, autopilot=12, type=2, base_mode=128)
+    peer.socket.sendto(version_1(beat), peer.to)
+    link.wait(0.2)
+    assert (link.has_autopilot, link.system, link.armed) == (True, 3, True)
+    assert "only MAVLink 1 came: set MAV_PROTO_VER = 2" in link.hint
+    link.beat()
+    assert peer.socket.recv(4096)[0] == 0xFD
+    peer.heartbeat()
+    assert link.hint == ""
 
 
 def test_only_the_first_autopilot_is_heard(link, peer):

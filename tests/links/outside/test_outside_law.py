@@ -70,6 +70,31 @@ def test_reset_returns_to_the_first_state(compiled):
     assert leaves(law.step(seen, reference(1500))) == first
 
 
+@pytest.mark.parametrize("compiled", [True, False])
+@pytest.mark.parametrize(("name", "needs"), [("indi", True), ("centroidal", False), ("paper_ct", False)])
+def test_a_law_that_hovers_otherwise_without_an_accelerometer_needs_it(name, needs, compiled):
+    scenario = load_scenario("case3", controller=name)
+    reference = references(scenario)(0)
+    law = OutsideLaw(dataclasses.replace(scenario.controller, compiled=compiled), SETTINGS, reference)
+    seen = Session(scenario).measurement
+    first = leaves(law.step(seen, reference))
+    assert law.needs_accelerometer(reference) == needs
+    assert leaves(law.step(seen, reference)) == first  # the trial is forgotten
+
+
+def no_number(memory, measurement, reference, dt, *, par):
+    """Law that divides by the specific force."""
+    share = measurement.specific_force.z / measurement.specific_force.z
+    return memory, Command(rotor_speeds=tuple(share * w for w in measurement.rotor_speeds), efforts=(0.0, 0.0))
+
+
+def test_a_law_without_a_number_where_no_accelerometer_is_needs_it():
+    scenario = load_scenario("case3")
+    controller = dataclasses.replace(scenario.controller, law=no_number, memory=())
+    reference = references(scenario)(0)
+    assert OutsideLaw(controller, SETTINGS, reference).needs_accelerometer(reference)
+
+
 def faster(memory, measurement, reference, dt, *, par):
     """Law that commands 10 rad/s more than it measures."""
     return memory, Command(rotor_speeds=tuple(w + 10.0 for w in measurement.rotor_speeds), efforts=(0.0, 0.0))

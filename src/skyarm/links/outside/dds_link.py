@@ -86,6 +86,8 @@ class DdsLink(Estimates):
         url: ``dds://DOMAIN`` or ``dds://DOMAIN/NAMESPACE``.
     """
 
+    accelerometer = "let its dds_topics.yaml publish sensor_combined"
+
     def __init__(self, url: str) -> None:
         super().__init__()
         domain, self._space = parse_domain(url)

@@ -18,10 +18,13 @@ class Estimates:
 
     Attributes:
         state: newest estimate, None before the first; ``fresh`` is True until :meth:`take` has returned it.
-        heard: s of the wall clock of the newest state.
+        heard, force_heard: s of the wall clock of the newest state, and of the newest accelerometer reading.
         landed: True if the newest message says so.
         accepted, refused: True if the requested mode is taken; result of a refused request.
     """
+
+    accelerometer: str
+    """Cure of an autopilot that sends no accelerometer reading."""
 
     def __init__(self) -> None:
         self.state: AutopilotState | None = None
@@ -29,6 +32,12 @@ class Estimates:
         self.accepted, self.refused = False, 0
         self._requested_mode = False
         self._force: Vec3 | None = None
+        self.force_heard = -math.inf
+
+    @property
+    def hint(self) -> str:
+        """Cause and cure of an autopilot's silence, as far as its messages show one; else empty."""
+        return ""
 
     def take(self) -> AutopilotState | None:
         """Newest state estimate if it has arrived since the last call; else None."""
@@ -47,8 +56,9 @@ class Estimates:
             self.state, self.fresh, self.heard = state, True, time.monotonic()
 
     def _keep_force(self, force: Vec3) -> None:
-        """Store a specific force, if it is finite, for the state estimates that follow."""
-        self._force = force if all(map(math.isfinite, force)) else self._force
+        """Store a specific force for the state estimates that follow; three zeros are no reading."""
+        if all(map(math.isfinite, force)) and any(force):
+            self._force, self.force_heard = force, time.monotonic()
 
     def _take_answer(self, command: int, result: int, to: tuple[int, int], ours: tuple[int, int]) -> None:
         """Store the answer to our mode request, if it is addressed to our system and component."""

@@ -9,6 +9,7 @@ holds its place.
 from __future__ import annotations
 
 import contextlib
+import dataclasses
 import gc
 import math
 import os
@@ -16,7 +17,7 @@ import time
 from collections.abc import Callable, Iterator
 from typing import Annotated
 
-from skyarm.control.controller import autopilot_of
+from skyarm.control.controller import autopilot_of, senses_force
 from skyarm.links.joint_port import JointLink, JointPortError, JointReading
 from skyarm.links.outside.autopilot_link import AutopilotLink
 from skyarm.links.outside.dds_link import DdsLink
@@ -134,6 +135,8 @@ def require_outside(scenario: Scenario) -> None:
         raise ScenarioError(f"controller.autopilot = {shown(name)}: must be a law, as by --laws LAW")
     if vehicle.tilts:
         raise ScenarioError("model.vehicle: must have rotors that do not tilt, for rates and thrust")
+    if senses_force(scenario.agent.controller.par):
+        raise ScenarioError(f"controller = {shown(name)}: must leave force_sensor out; no link carries such a reading")
     if episode_inputs(scenario).waits.guards:
         raise ScenarioError("reference: must have no phases that wait for conditions, outside of the simulator")
     if scenario.agent.path_time is not None:
@@ -188,13 +191,13 @@ class OffboardFlight:
         self._example: Reference = self._inputs.reference_example
         self._rate, self._steps = scenario.rates.control, scenario.steps
         self._rotors = len(scenario.agent.model.vehicle.rotors)
-        self._gravity = float(scenario.agent.model.gravity)
         self._record = FlightRecord()
         self._frame = WorldFrame()
         self._joints: JointReading | None = None
         self._joints_heard = self._beaten = -math.inf
         self._alive = math.inf
         self._missed, self._ours, self._asked = 0, False, math.inf
+        self._needs_force = False
         self.interrupted: BaseException | None = None
         self._law: OutsideLaw  # made when the autopilot's settings are known
 
@@ -264,13 +267,14 @@ class OffboardFlight:
         """Wait until a condition holds, at most a given time (s).
 
         Raises:
-            OffboardError: it is not so after some seconds; ``words`` and the autopilot's last text say why.
+            OffboardError: it is not so after some seconds; ``words``, the link's hint and the autopilot's text say why.
         """
         until = time.monotonic() + seconds
         while not ready():
             if time.monotonic() > until:
-                said = f" ({self._link.said})" if self._link.said else ""
-                raise OffboardError(f"{words() if callable(words) else words} within {seconds:g} s{said}")
+                said = "; ".join(filter(None, (self._link.hint, self._link.said)))
+                reason = words() if callable(words) else words
+                raise OffboardError(f"{reason} within {seconds:g} s{said and f' ({said})'}")
             self._pump(0.02)
 
     def _connect(self) -> None:
@@ -286,7 +290,7 @@ class OffboardFlight:
             if time.monotonic() - asked > 1.0:
                 asked = time.monotonic()
                 link.request_estimates(min(max(self._rate, 100), 250))
-            return link.state is not None and self._joints is not None
+            return link.state is not None and self._joints is not None and not self._lacks_force
 
         def silent() -> str:
             who = "--joints: the arm" if self._joints is None else "--link: the autopilot's estimator"
@@ -294,7 +298,14 @@ class OffboardFlight:
 
         self._until(settings.patience, has_state, silent)
         loop = self._loop_settings()
-        self._law = OutsideLaw(self._scenario.agent.controller, loop, self._reference(0))
+        controller = self._scenario.agent.controller
+        self._law = OutsideLaw(controller, loop, self._reference(0))
+        self._needs_force = self._law.needs_accelerometer(self._reference(0))
+        words = (
+            f"--link: law {shown(controller.name)} needs an accelerometer: {link.accelerometer}, or fly another law; "
+            "no reading came"
+        )
+        self._until(settings.patience, has_state, words)
 
     def _loop_settings(self) -> LoopSettings | MotorSettings:
         """Settings of the loop around the control law, by the kind of set point that the link sends."""
@@ -393,7 +404,9 @@ class OffboardFlight:
         """Evaluate the law for a state estimate and send its command."""
         law, link, arm = self._law, self._link, self._joints
         assert arm is not None
-        measured = self._frame.measurement(state, arm, tick / self._rate, self._gravity, self._rotors)
+        if self._force_is_old:
+            state = dataclasses.replace(state, specific_force=None)
+        measured = self._frame.measurement(state, arm, tick / self._rate, self._rotors)
         command = law.step(measured, reference)
         if not all(map(math.isfinite, leaves(command))):
             raise HandBackError(DIVERGED, "the law's command is not finite")
@@ -412,12 +425,24 @@ class OffboardFlight:
             raise HandBackError(LINK_LOST, f"this process stood still for {stood:.2f} s")
         if now - link.heard > stale:
             raise HandBackError(LINK_LOST, f"no estimate from the autopilot for {stale:g} s")
+        if self._lacks_force:
+            raise HandBackError(LINK_LOST, f"no accelerometer reading from the autopilot for {stale:g} s")
         if now - link.beaten > BEAT_LOST:
             raise HandBackError(LINK_LOST, f"no heartbeat from the autopilot for {BEAT_LOST:g} s")
         if now - self._joints_heard > stale:
             raise HandBackError(
                 LINK_LOST, f"no joint reading for {stale:g} s{self._arm.problem and ': '}{self._arm.problem}"
             )
+
+    @property
+    def _lacks_force(self) -> bool:
+        """True if the law needs an accelerometer, and no reading is new enough."""
+        return self._needs_force and self._force_is_old
+
+    @property
+    def _force_is_old(self) -> bool:
+        """True if no accelerometer reading has arrived for as long as an estimate may be missing."""
+        return time.monotonic() - self._link.force_heard > self._settings.stale
 
     def _reference(self, tick: int) -> Reference:
         return rebuild(self._example, iter(self._rows[min(tick, self._steps - 1)].tolist()))

@@ -125,6 +125,8 @@ class OffboardLink(Estimates, MavlinkVehicle):
         round_trips: s, of time synchronisation, the newest.
     """
 
+    accelerometer = "raise the rate of its telemetry port, or set there the interval of HIGHRES_IMU"
+
     def __init__(self, url: str, patience: float = 0.0) -> None:
         Estimates.__init__(self)
         MavlinkVehicle.__init__(self, MODES, self._carry, sender=(0, COMPONENT), role=ONBOARD_COMPUTER, datagrams=True)
@@ -144,6 +146,13 @@ class OffboardLink(Estimates, MavlinkVehicle):
     def has_autopilot(self) -> bool:
         """True once an autopilot of a supported kind has sent its heartbeat."""
         return self.modes is not None
+
+    @property
+    def hint(self) -> str:
+        """Parameters to set if all frames of the autopilot were MAVLink 1; else empty."""
+        if not self.parser.version_1 or self.parser.version_2:
+            return ""
+        return "only MAVLink 1 came: set MAV_PROTO_VER = 2 of PX4, or SERIALn_PROTOCOL = 2 of ArduPilot"
 
     def wait(self, seconds: float) -> None:
         """Wait for datagrams, at most a given time (s), and read all that have arrived."""

@@ -10,7 +10,7 @@ from typing import Annotated, Any
 
 import numpy as np
 
-from skyarm.algebra import ZERO3_DATA, Scalar, Scalars, Vec3
+from skyarm.algebra import ZERO3_DATA, Quaternion, Scalar, Scalars, Vec3
 from skyarm.algebra.scalars import clip
 from skyarm.compile.llvm.kernel import Kernel
 from skyarm.compile.llvm.lane_stepper import Stepper
@@ -130,6 +130,10 @@ class OutsideCommand:
     law: Command
 
 
+OTHER = 0.01
+"""Fraction by which the speed of a rotor in hover changes at least for a law that needs an accelerometer."""
+
+
 class OutsideLaw:
     """Control law evaluated in real time on measured values, compiled to machine code if it can be traced.
 
@@ -158,6 +162,30 @@ class OutsideLaw:
     def reset(self) -> None:
         """Restore the initial internal state of the control law."""
         self._begin()
+
+    def needs_accelerometer(self, reference: Reference) -> bool:
+        """True if hover at a reference takes other rotor speeds without an accelerometer; the law begins anew after it.
+
+        Laws have no field that states it, and the law of a user could not be asked: it is tried. A law that notices the
+        missing reading differs by rounding, INDI by 40 %.
+        """
+        model, yaw = self.controller.par.model, 0.5 * float(reference.yaw)
+        blank = blank_measurement(model.vehicle.n, len(model.vehicle.rotors))
+        hover = dataclasses.replace(
+            blank,
+            position=Vec3(*map(float, reference.position)),
+            quaternion=Quaternion(math.cos(yaw), 0.0, 0.0, math.sin(yaw)),
+            joints=tuple(map(float, reference.joints)),
+        )
+        speeds = []
+        for force in (ZERO3_DATA, Vec3(0.0, 0.0, float(model.gravity))):
+            self.reset()
+            law = self.step(dataclasses.replace(hover, specific_force=force), reference).law
+            speeds.append([float(each) for each in law.rotor_speeds])
+        self.reset()
+        without, with_one = speeds
+        # a speed that is no number is other, too
+        return not all(abs(a - b) <= OTHER * abs(b) for a, b in zip(without, with_one, strict=True))
 
     def step(self, measurement: Measurement, reference: Reference) -> OutsideCommand:
         """Evaluate the control law for one period; modelled rotor speeds replace those of the measurement."""

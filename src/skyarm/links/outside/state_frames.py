@@ -54,26 +54,20 @@ class WorldFrame:
         x, y, z = map(float, position)
         return cls(origin=state.position, start=Vec3(x, y, z), turn=yaw - float(yaw_of(state.quaternion)))
 
-    def measurement(
-        self, state: AutopilotState, arm: JointReading, time: float, gravity: float, rotors: int = 0
-    ) -> Measurement:
+    def measurement(self, state: AutopilotState, arm: JointReading, time: float, rotors: int = 0) -> Measurement:
         """Measurement for the control law in the scenario's world at a time (s) since its start; rotor speeds are zero.
 
-        Without an accelerometer the specific force is that of a base without acceleration.
+        Without an accelerometer the specific force is three zeros: no reading.
         """
         turned = Quaternion(math.cos(0.5 * self.turn), 0.0, 0.0, math.sin(0.5 * self.turn))
         R = turned.rotation()
-        quaternion = (turned * state.quaternion).normalized()
-        force = state.specific_force
-        if force is None:
-            force = quaternion.rotation().apply_T(Vec3(0.0, 0.0, gravity))
         return Measurement(
             time=time,
             position=_floats(R.apply(state.position - self.origin) + self.start),
-            quaternion=quaternion,
+            quaternion=(turned * state.quaternion).normalized(),
             velocity=_floats(R.apply(state.velocity)),
             rate=state.rate,
-            specific_force=_floats(force),
+            specific_force=ZERO3_DATA if state.specific_force is None else _floats(state.specific_force),
             joints=arm.joints,
             joint_rates=arm.joint_rates,
             rotor_speeds=(0.0,) * rotors,
