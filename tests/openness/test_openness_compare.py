@@ -105,7 +105,7 @@ def test_a_shipped_scenario_is_compared_by_its_own_law_and_the_usual_ones(tmp_pa
         (["case3", "--laws", "anlges"], "--laws = 'anlges'"),
         (["case3", "--plant", "instant_rotor"], "--plant = 'instant_rotor': must be one of"),
         (["case3", "--laws", ","], "--laws: must name at least one"),
-        (["nowhere.toml"], "nowhere.toml"),
+        (["nowhere.toml"], "suite = 'nowhere.toml': no such file; must be one of paper-suite"),
     ],
 )
 def test_what_cannot_be_compared_is_one_line(tmp_path: Path, words: list[str], told: str) -> None:

@@ -136,15 +136,16 @@ def compare(
         options["only"] = None if only is None else split_names("--only", only)
         if is_given(context, "vehicle"):
             options["vehicle"] = vehicle
-    elif suite.endswith(".toml") or suite in shipped_names("scenario"):
+    elif (suite.endswith(".toml") and Path(suite).is_file()) or suite in shipped_names("scenario"):
         # two names of one law are refused with its plan, where "own" does not count
         law_names([name for name in names if name != OWN])
         options |= {"seeds": seeds, "laws": names or USUAL_LAWS}
         names = []
     else:
+        missing = "no such file; " if suite.endswith(".toml") else ""
         raise ValueError(
-            f"suite = {shown(suite)}: must be one of {', '.join(SUITES)}, a suite or scenario of your own (.toml), "
-            "or a shipped scenario"
+            f"suite = {shown(suite)}: {missing}must be one of {', '.join(SUITES)}, a suite or scenario of your own "
+            "(.toml), or a shipped scenario"
         )
     asked = suite_of(suite, names or None, "--laws", **options)
     _fly(asked, Path(out or asked.folder), count, on)
