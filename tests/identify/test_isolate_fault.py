@@ -316,10 +316,43 @@ def test_a_gyro_beyond_what_any_reads_is_of_the_unit_that_fits_best(monkeypatch)
     wrong = rows_of("gyro", times(DEGREES, DEGREES, DEGREES))(SOUND)
     found, _ = isolated(monkeypatch, lambda flight: {"gyro": 20.0, "position": 20.0 + differs(flight, "gyro")}, wrong)
     assert [each.channel for each in found] == ["gyro"]
-    assert found[0].finding.startswith("it looks like deg/s")
+    unit = "it looks like deg/s, or gyro: it looks like mrad/s"
+    assert re.match(rf"{unit}: readings of up to 1\d\d rad/s are beyond those of any gyroscope$", found[0].finding)
     slow = rows_of("gyro", times(2.0, 2.0, 2.0))(SOUND)
     found, _ = isolated(monkeypatch, lambda flight: {"gyro": 20.0, "position": 20.0 + differs(flight, "gyro")}, slow)
     assert [each.channel for each in found] == ["model"]
+
+
+@pytest.mark.parametrize(("margin", "others"), [(0.28, ", or gyro: it looks like mrad/s"), (0.32, "")])
+@pytest.mark.parametrize("attitude", [True, False])
+def test_units_that_fit_about_as_well_are_both_named(monkeypatch, attitude, margin, others):
+    """The residual of one row falls with the wrong unit, and none with the right one: neither decides."""
+    flight = SOUND if attitude else dataclasses.replace(SOUND, channels={n: SOUND[n] for n in SOUND if n not in POSE})
+    wrong = rows_of("gyro", times(DEGREES, DEGREES, DEGREES))(flight)
+    rows = sum(flight[name].values.shape[1] for name in flight if name in SENSORS)
+
+    def sizes(flight):
+        if not differs(flight, "gyro"):
+            return {"gyro": 20.0, "accelerometer": 20.0}
+        read = np.allclose(flight["gyro"].values, wrong["gyro"].values)
+        return {"gyro": 20.0 if read else 10.0, "accelerometer": 20.0 if read else 40.0 * np.exp(margin * rows / 3.0)}
+
+    (fault,), _ = isolated(monkeypatch, sizes, wrong)
+    assert fault.finding.startswith(f"it looks like deg/s{others}: readings of up to")
+
+
+def test_a_scale_of_a_gyro_beyond_its_range_needs_evidence_of_its_own(monkeypatch):
+    """Slow turns in deg/s are within the range after a factor of 1.5, too."""
+    largest = np.abs(SOUND["gyro"].values).max()
+    wrong = rows_of("gyro", times(*(80.0 / largest,) * 3))(SOUND)
+
+    def sizes(flight):
+        slower = np.abs(flight["gyro"].values).max() < 10.0
+        return {"gyro": 20.0, "position": 20.0 + 20.0 * slower}
+
+    (fault,), _ = isolated(monkeypatch, sizes, wrong)
+    assert "times what fits" not in fault.finding
+    assert fault.finding.startswith("it looks like deg/s")
 
 
 def test_a_flight_that_cannot_be_flown_is_searched(monkeypatch):

@@ -328,6 +328,24 @@ def test_a_damage_is_told_from_its_threshold_on(name):
 
 
 @pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (rows_of("accelerometer", times(*(100.0,) * 3)), "it looks like mg or cm/s^2"),
+        (rows_of("accelerometer", times(*(0.102,) * 3)), "it looks like g"),
+        (rows_of("velocity", lambda rows: 100.0 * rows + [0.0, 300.0, 0.0]), "it looks like mm/s or cm/s"),
+        (rows_of("velocity", lambda rows: 1e3 * rows + [0.0, 2e4, 0.0]), "it looks like mm/s"),
+        (then(shares, rows_of("rotor_commands", lambda rows: 0.0 * rows + 90.0)), "it looks like percent or a byte"),
+        (then(shares, rows_of("rotor_commands", lambda rows: 0.0 * rows + 30.0)), "it looks like percent"),
+        (then(shares, rows_of("rotor_commands", lambda rows: 0.0 * rows + 150.0)), "it looks like a byte"),
+        (rows_of(SPEED, times(*(60.0**0.5,) * 4)), "look like rpm or rad/s of a motor behind a gear, or of poles"),
+    ],
+)
+def test_units_that_cannot_be_told_apart_are_all_named(change, words):
+    (found,) = [each for each in told(change(SOUND)) if each.startswith("refused")]
+    assert found.endswith(words)
+
+
+@pytest.mark.parametrize(
     ("height", "words"), [(0.49, "0.28 of the weight: the flight never took off"), (0.51, "0.28 times the weight of")]
 )
 def test_a_calm_flight_that_climbs_took_off_however_little_its_rotors_seem_to_lift(height, words):
@@ -441,7 +459,7 @@ def test_the_cure_of_commands_in_percent_is_their_range():
     percent = dataclasses.replace(SOUND["rotor_speed_commands"], values=100.0 * shares)
     channels = {name: SOUND[name] for name in SOUND if name != SPEED} | {"rotor_commands": percent}
     (fault,) = check_log(dataclasses.replace(SOUND, channels=channels), VEHICLE)
-    assert fault.finding.endswith("it looks like percent")
+    assert fault.finding.endswith("it looks like percent or a byte")
     assert fault.remedy == "state low and high in columns.toml"
 
 

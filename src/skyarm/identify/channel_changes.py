@@ -64,6 +64,11 @@ class ChannelChange:
     price: float = 0.0
     severity: str = REFUSED
 
+    @property
+    def is_unit(self) -> bool:
+        """True if the fault is another unit, rather than a scale of any size."""
+        return self.remedy == UNIT and not self.between
+
     def of(self, flight: FlightData, amount: float) -> FlightData:
         """Flight after the correction of a logging fault of a given amount."""
         own = {name: flight[name] for name in self.names if name in flight}

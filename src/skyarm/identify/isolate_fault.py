@@ -89,8 +89,8 @@ ALARM, DOUBTFUL, ODD = 1.3, 3.0, 200.0
 and squared distance of the parameters from the start above which they describe no plausible vehicle."""
 
 GAIN, AHEAD = 0.3, 0.1
-"""Thresholds of the cost: least decrease of a reported change that does not make all residuals white; and least
-advantage over changes of other channels of a change that is reported alone."""
+"""Thresholds of the cost: least decrease of a reported change that does not make all residuals white, and least
+advantage over another unit of a unit that is reported alone; and that over changes of other channels."""
 
 EVIDENCE, NEARER = 0.9, 0.25
 """Largest ratios to those before the correction: of the residual by which a fault is named, and of the squared distance
@@ -190,7 +190,7 @@ def _verdict(flights: Flights, start: Vehicle, faulty: Sequence[str], search: bo
         yield REFUSED, ROTOR_COMMANDS, f"{finding}: they act {1e3 * before.delay:.0f} ms after they are stamped", CLOCK
     elif bad or before.unusual > ODD:
         if best := _best_changes(left, flights, start, before) if search else []:
-            yield _name_fault(best, before)
+            yield _name_fault(best, before, flights[1])
         elif bad and sizes[bad[0]] >= DOUBTFUL:
             noises = [f"{name} ({sizes[name]:.2g} times its noise)" for name in bad if name not in PUSHES]
             pushes = [f"an {name} {sizes[name]:.2g} times what is usual" for name in bad if name in PUSHES]
@@ -203,20 +203,23 @@ def _verdict(flights: Flights, start: Vehicle, faulty: Sequence[str], search: bo
             yield WARNED, "model", finding, remedy
 
 
-def _name_fault(best: Sequence[Tried], before: Left) -> Found:
+def _name_fault(best: Sequence[Tried], before: Left, flight: FlightData) -> Found:
     """Describe the fault that a channel correction undoes, an equally good alternative, and the effect."""
     change, left = best[0].change, best[0].left
     rows, after, row = before.sizes, left.sizes, _telling_row(before, left)
     residual = f"the {row[0]}" if row[0] in PUSHES else f"the residual of {row[0]}"
     if rows[row] == math.inf:
         effect = "the motion under the commands is no number without this change"
+    elif _is_certain(change, flight) and not _has_evidence(before, left):
+        most = float(np.abs(flight["gyro"].values).max())
+        effect = f"readings of up to {most:.3g} rad/s are beyond those of any gyroscope"
     elif before.unusual > ODD and rows[row] < ALARM:
         effect = f"the start vehicle is {math.sqrt(before.unusual):.0f} standard deviations from what fits else"
     elif row in after:
         effect = f"{residual} falls from {rows[row]:.3g} times its noise to {after[row]:.2g}"
     else:
-        most = f"all others are at most {left.largest:.2g}"
-        effect = f"{residual} is {rows[row]:.3g} times its noise, and without it {most}"
+        others = f"all others are at most {left.largest:.2g}"
+        effect = f"{residual} is {rows[row]:.3g} times its noise, and without it {others}"
     words = [f"{each.change.channel}: {each.change.words.format(each.amount)}" for each in best]
     finding = ", or ".join(words).removeprefix(f"{change.channel}: ")
     return change.severity, change.channel, f"{finding}: {effect}", change.remedy
@@ -272,18 +275,31 @@ def _best_changes(left: Leavings, flights: Flights, start: Vehicle, before: Left
     for _, change, amount, _ in _each_best(again)[:FINAL]:
         if change not in [each.change for each in finals]:
             finals += trial(change, amount, LAST)
-    # a change must be worth its price, too, unless no gyro reads what this one did
-    most = math.inf if _beyond_range(flight) else before.cost()
-    worth = [each for each in finals if each.cost < most - (0.0 if each.left.largest < ALARM else GAIN)]
-    worth = [each for each in worth if _has_evidence(before, each.left)]
+    # a change must be worth its price, too
+    most = before.cost()
+    worth = [
+        each
+        for each in finals
+        if _is_certain(each.change, flight)
+        or (each.cost < most - (0.0 if each.left.largest < ALARM else GAIN) and _has_evidence(before, each.left))
+    ]
     # without the channel at fault all else is explained; less to explain is left of a wrong model, too
     best = sorted((each for each in worth if each.change.make is not leave_out or each.left.largest < ALARM), key=cost)
+    # units of a channel are rivals up to a gain: without an attitude other moments of inertia fit another unit, too
     rivals = [
-        each for each in best if each.change.channel != best[0].change.channel and each.cost < best[0].cost + AHEAD
+        each
+        for each in best[1:]
+        if (each.change.channel != best[0].change.channel and each.cost < best[0].cost + AHEAD)
+        or (each.change.is_unit and best[0].change.is_unit and each.cost < best[0].cost + GAIN)
     ]
     named = [*best[:1], *rivals[:1]]
     # nothing but an attitude tells them apart
     return named if attitude else sorted(named, key=lambda each: every.index(each.change))
+
+
+def _is_certain(change: ChannelChange, flight: FlightData) -> bool:
+    """True for a unit of the gyroscope if its readings are beyond any: no residual need fall to show that."""
+    return change.channel == "gyro" and change.is_unit and _beyond_range(flight)
 
 
 def _each_best(tried: Sequence[Tried]) -> list[Tried]:

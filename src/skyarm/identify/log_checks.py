@@ -185,7 +185,7 @@ UNITS: Mapping[str, tuple[float, float, Mapping[str, float]]] = {
         {"g": 1.0 / ONE_G, "mg": 1e3 / ONE_G, "cm/s^2": 1e2, "mm/s^2": 1e3},
     ),
     "voltage": (1.0, 100.0, {"mV": 1e3}),
-    "velocity": (0.0, 100.0, {"mm/s": 1e3}),
+    "velocity": (0.0, 100.0, {"mm/s": 1e3, "cm/s": 1e2}),
     "joint_positions": (0.0, 4.0 * math.pi, {"degrees": 180.0 / math.pi}),
     "joint_commands": (0.0, 4.0 * math.pi, {"degrees": 180.0 / math.pi}),
     "rotor_commands": (
@@ -195,6 +195,9 @@ UNITS: Mapping[str, tuple[float, float, Mapping[str, float]]] = {
     ),
 }
 """Channel -> plausible range of its median size in SI units, and other units with their size in SI."""
+
+LEAST_SHARE = 0.15
+"""Least share of the full signal in flight, by which units of rotor commands are told apart."""
 
 
 def _sizes(flight: FlightData, start: Vehicle) -> Iterator[Found]:
@@ -210,12 +213,12 @@ def _sizes(flight: FlightData, start: Vehicle) -> Iterator[Found]:
             size = float(np.median(lengths(values) if name in ("accelerometer", "velocity") else values))
         if low <= size <= high:
             continue
-        looks = [f"it looks like {unit}" for unit, factor in units.items() if low * factor <= size <= high * factor]
+        least = LEAST_SHARE if name == COMMANDS[0] else low
+        fitting = [unit for unit, factor in units.items() if least * factor <= size <= high * factor]
+        looks = f"it looks like {' or '.join(fitting)}" if fitting else "no unit fits"
         if name == "accelerometer" and np.linalg.norm(flight[name].values.mean(axis=0)) < STEADY * size:
-            looks = ["it looks as if gravity were taken off"]
-        finding = (
-            f"is {size:.4g} on the median, and flights have {low:.3g} to {high:.4g}: {(looks or ['no unit fits'])[0]}"
-        )
+            looks = "it looks as if gravity were taken off"
+        finding = f"is {size:.4g} on the median, and flights have {low:.3g} to {high:.4g}: {looks}"
         yield REFUSED, name, finding, RANGE if name == COMMANDS[0] else UNIT
     yield from _damaged_shares(flight)
     if not RATES[0] <= (rate := flight["gyro"].rate) <= RATES[1]:
@@ -272,7 +275,7 @@ def _ground(flight: FlightData, start: Vehicle, spans: Sequence[tuple[float, flo
     elif not WEIGHTS[0] < share < WEIGHTS[1] or (share < AIRBORNE and not spans):
         finding = f"lift {share:.3g} times the weight of '{start.name}' ({float(start.mass):.3g} kg) in the air"
         looks = [unit for unit, scale in SPEED_UNITS.items() if 0.6 < share / scale**2 < 1.6]
-        finding += f": they look like {looks[0]}" if looks and name == COMMANDS[1] else ""
+        finding += f": they look like {' or '.join(looks)}" if looks and name == COMMANDS[1] else ""
         yield REFUSED, name, finding, "check mass, thrust curve and units of the commands"
     elif airborne < SHORTEST_FLIGHT:
         yield brief
