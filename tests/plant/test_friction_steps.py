@@ -96,12 +96,17 @@ def arm(damping):
     return hummingbird_arm().with_joints(damping=damping)
 
 
+@pytest.mark.parametrize("hit", [1, 3])
 @pytest.mark.parametrize("damping", [1e-4, 8e-3, 0.05])
-def test_a_flight_takes_the_steps_of_its_own_friction_beside_a_stiffer_one(damping):
-    """A program made for the stiffest flight of a sweep: each takes as many steps as alone, at most twice as many."""
+def test_a_flight_takes_the_steps_of_its_own_friction_beside_a_stiffer_one(damping, hit, monkeypatch):
+    """A program made for the stiffest flight of a sweep: each takes as many steps as alone, at most twice as many.
+
+    In a hit it takes as many times more as alone.
+    """
+    monkeypatch.setattr(Together, "hurry", lambda *_: ((), float(hit)))
     around, command, period = Together((AIR,)), Command(rotor_speeds=(HOVER,) * 4, efforts=(0.01, -0.02)), 0.005
     plants = [RigidBodyPlant(Truth(vehicle=arm(each), gravity=9.8), AIR) for each in (damping, 0.05)]
-    own, count = (each.substeps(period) for each in plants)
+    own, count = (each.substeps(period)._replace(most=hit) for each in plants)
     start, world = tumbling(arm(damping)), Truth(vehicle=arm(damping), gravity=9.8)
 
     def interval(_, __, given, ___):
@@ -110,12 +115,12 @@ def test_a_flight_takes_the_steps_of_its_own_friction_beside_a_stiffer_one(dampi
 
     together = np.array(trace_loop(interval, (), (), damping, loops=True).stepper()((damping,)))
     found = []
-    for steps in range(1, count.near + 1):
+    for steps in range(1, hit * count.near + 1):
         states = (start,)
         for _ in range(steps):
             states, _ = coupled_rk4((world,), states, (command,), around, period / steps)
         found += [steps] if np.abs(together - leaves(states)).max() < 1e-13 else []
     assert len(found) == 1, "another number of steps is seen"
-    assert own.near <= found[0] <= 2 * own.near
+    assert hit * own.near <= found[0] <= 2 * hit * own.near
     assert count.near > 4
-    assert (found[0] == count.near) is (damping == 0.05)
+    assert (found[0] == hit * count.near) is (damping == 0.05)

@@ -19,6 +19,7 @@ from skyarm.dynamics.point_motion import PointMotion
 from skyarm.records.files import Fields
 from skyarm.reference.carry import Carry
 from skyarm.reference.object_motion import motion_of_object
+from skyarm.vehicle.linkage import Follower, Joint
 from skyarm.world.contact.carrier import CarriedFrame
 from skyarm.world.team.decentralised import Decentralised, MemberState
 from skyarm.world.team.leader_follower import LeaderFollower
@@ -180,19 +181,23 @@ def test_two_members_have_the_pull_along_their_line_alone():
     assert np.allclose([[*f] for f in inner], [[-2.5, 0.0, 0.0], [2.5, 0.0, 0.0]], atol=1e-6)
 
 
+@pytest.mark.parametrize("com", [(0.0, 0.0, 0.0), (0.2, 0.0, -0.03)])
 @pytest.mark.parametrize("t", [3.7, 5.9, 7.3, 8.8])
-def test_the_weight_of_the_body_is_the_rate_of_its_momentum(t):
-    whole, h = team(), 1e-4
+def test_the_weight_of_the_body_is_the_rate_of_its_momentum(t, com):
+    whole, h = team(com=Vec3(*com)) if any(com) else team(), 1e-4
 
     def momentum(time):
         at = whole.motion.at(time)
         R = np.array([[*row] for row in at.R.rows])
-        return 1.6 * np.array([*at.velocity]), R @ np.diag([*whole.inertia]) @ R.T @ [*at.rate]
+        velocity = np.array([*at.velocity]) + np.cross([*at.rate], R @ com)
+        return 1.6 * velocity, R @ np.diag([*whole.inertia]) @ R.T @ [*at.rate]
 
     (p0, L0), (p1, L1) = momentum(t - h), momentum(t + h)
     force, moment = weight_of(whole, whole.motion.at(t), 9.81)
-    assert np.allclose([*force], (p1 - p0) / (2.0 * h) + [0.0, 0.0, 1.6 * 9.81], atol=1e-5)
-    assert np.allclose([*moment], (L1 - L0) / (2.0 * h), atol=1e-5)
+    wanted = (p1 - p0) / (2.0 * h) + [0.0, 0.0, 1.6 * 9.81]
+    lever = np.array([[*row] for row in whole.motion.at(t).R.rows]) @ com
+    assert np.allclose([*force], wanted, atol=1e-5)
+    assert np.allclose([*moment], (L1 - L0) / (2.0 * h) + np.cross(lever, wanted), atol=1e-5)
 
 
 def test_members_take_the_load_before_the_lift_and_give_it_back_after_the_place():
@@ -561,6 +566,23 @@ def test_the_largest_load_is_that_of_the_rotors_or_of_the_weakest_joint():
     weak = dataclasses.replace(vehicle, links=(*vehicle.links[:2], elbow, *vehicle.links[3:]))
     assert found(weak)[0] == pytest.approx(bounds[3] * (spare[2] - 0.85 * 3.0) / spare[2])
     assert bounds[0] < bounds[3]
+
+
+def test_the_weight_of_a_follower_is_borne_by_its_leader():
+    vehicle = skyarm.load_vehicle("hummingbird_arm2")
+    body = dataclasses.replace(vehicle.links[1].body, mass=0.1, com=Vec3(0.0, 0.0, -0.1))
+    joint = Joint(name="tied", axis=Vec3(0.0, 1.0, 0.0))
+    link = dataclasses.replace(vehicle.links[0], name="bar", parent=-1, joint=joint, body=body)
+    tied = dataclasses.replace(vehicle, followers=(Follower(link=link, leader=1, ratio=-1.0),))
+    still = vec((0, 0, 0))
+    state = State(
+        position=still, quaternion=Quaternion(1.0, 0.0, 0.0, 0.0), velocity=still, rate=still,
+        joints=(0.0, 0.5), joint_rates=(0.0,) * 2, rotor_speeds=(0.0,) * 4,
+    )  # fmt: skip
+    own = 9.81 * (0.04 * 0.075 + 0.01 * 0.15) * np.sin(0.5)  # of the last link and what it carries
+    for thing, more in ((vehicle, 0.0), (tied, 9.81 * 0.1 * 0.1 * np.sin(0.5))):
+        most = largest_load(PointMotion(thing, state, gravity=9.81))
+        assert most.moment == pytest.approx(0.85 * 0.5 - own - more)
 
 
 def prompt_rate(whole):

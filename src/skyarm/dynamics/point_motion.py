@@ -25,12 +25,13 @@ class PointMotion:
 
     Attributes:
         agents: motions of all vehicles by name, that of this one among them.
-        task_time: time (s) of the events of its task, at a control instant.
+        task_time: time (s) of the events of its task, at a control instant. time: of the flight then; None elsewhere.
         solids: surfaces at rest on which a load on a cord lies down, at a control instant.
         rotor_shares: share of each rotor's forces that faults leave.
     """
 
     task_time: Scalar = 0.0
+    time: Scalar | None = None
     solids: tuple[Any, ...] = ()
 
     def __init__(

@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from functools import cached_property
-from typing import NamedTuple
+from typing import NamedTuple, cast
 
 from skyarm.algebra import Scalar, Scalars, Vec3
-from skyarm.algebra.scalars import clip, data, divide, floor, logical_and, maximum, where
+from skyarm.algebra.scalars import clip, data, divide, floor, logical_and, maximum, minimum, where
 from skyarm.compile import Program, trace
 from skyarm.compile.tracing.lower import repeat, repeat_while
 from skyarm.compile.tracing.program import Flat as FlatFunction
@@ -84,22 +84,23 @@ def hold(
 
     there = around.with_coupled(now[1])
     motions, steps = there.motions(worlds, now[0]), float(count.near)
-    finer: Scalar = steps
+    vehicles, usual = [each.vehicle for each in worlds], cast("Scalar", steps)
+    if count.slack:
+        rate = friction_bound(vehicles, count.mobile)
+        if not concrete(rate):
+            # the friction of this flight; a hit below needs as many times more steps as it does in a flight alone
+            largest = VERLET_FRICTION_STEP if count.verlet else FRICTION_STEP
+            usual = clip(-floor(1e-9 - seconds * rate / largest), float(count.slack), steps)
+    finer = usual
     if count.most > 1:
         memories, more = there.hurry(motions, seconds)
-        now, finer = (now[0], memories), -floor(-steps * more)
+        now, finer = (now[0], memories), -floor(-usual * more)
     if count.calm:
         largest = there.largest_calm_step(verlet=count.verlet)
         assert largest is not None
         fewer = clip(-floor(1e-9 - divide(seconds, largest)), float(count.calm), steps)
-        finer = where(there.calm(motions, seconds), fewer, finer)
+        finer = where(there.calm(motions, seconds), fewer if usual is steps else minimum(usual, fewer), finer)
     touch: Scalar = 0.0
-    vehicles = [each.vehicle for each in worlds]
-    if count.slack:
-        rate = friction_bound(vehicles, count.mobile)
-        if not concrete(rate):
-            largest = VERLET_FRICTION_STEP if count.verlet else FRICTION_STEP
-            finer = clip(-floor(1e-9 - seconds * rate / largest), float(count.slack), finer)
     if count.stops:
         held = count.verlet or integrator == "euler"
         touch = touch_steps(vehicles, count.stops, now[0], seconds, HELD_TOUCH_STEP if held else TOUCH_STEP)

@@ -387,6 +387,10 @@ def team(entry: object, path: str, reading: ScenarioWords) -> Team:
     if float(motion.lift) < take:
         words = f"must not lift before {take:g} s, when all members hold {shown(record.object)}"
         raise ValueError(f"reference.object.phases: lifts at {float(motion.lift):g} s: {words}")
+    com = record.com if any(record.com) else body.com
+    if any(com) and len(members) == 2 and all(each.kind == "cable" for each in members):
+        words = "must be 0 on two cables: their team's body hangs by its middle"
+        raise ValueError(f"world.objects.{record.object}.com = {shown([float(c) for c in com])}: {words}")
     return dataclasses.replace(
         record,
         members=members,
@@ -394,6 +398,7 @@ def team(entry: object, path: str, reading: ScenarioWords) -> Team:
         take=take,
         mass=record.mass or body.mass,
         inertia=record.inertia if any(record.inertia) else body.moments,
+        com=com,
     )
 
 

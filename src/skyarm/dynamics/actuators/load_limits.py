@@ -38,8 +38,8 @@ def largest_load(motion: PointMotion) -> LoadLimits:
     most = minimum(SPENT * highest_thrust(vehicle) - vehicle.mass * gravity, LARGEST)
     turning: Scalar = LARGEST
     own: list[Scalar] = [0.0] * vehicle.n
-    for i, link in enumerate(vehicle.links):
-        _, efforts = motion.generalized_force(E_Z * (link.body.mass * gravity), ZERO3, link.body.com, i)
+    for i, each in enumerate(vehicle.moving):
+        _, efforts = motion.generalized_force(E_Z * (each.body.mass * gravity), ZERO3, each.body.com, i)
         own = [a + b for a, b in zip(own, efforts, strict=True)]
     if not vehicle.n:
         return LoadLimits(weight=data(maximum(most, 0.0)))

@@ -510,7 +510,9 @@ class Contact(Force[ContactMemory]):
         """Internal state of the contact model after grippers and grasps close, open or slip at a control instant."""
         if self.grippers:
             memory = replace(memory, grips=self.gripping.after(memory.grips, memory.carried, t, motion))
-        return replace(memory, **self._closing_poses(memory, t - 0.5 * dt, motion)) if memory.places else memory
+        # a grasp closes by the flight's time, by which the plant pulls, however long a reference waits
+        now = t if motion.time is None else motion.time
+        return replace(memory, **self._closing_poses(memory, now - 0.5 * dt, motion)) if memory.places else memory
 
     def _closing_poses(self, memory: ContactMemory, t: Scalar, motion: PointMotion) -> dict[str, tuple[Any, ...]]:
         """Places and attitudes of grasps: those of the frames for grasps that were open at ``t`` (s)."""

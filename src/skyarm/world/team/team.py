@@ -213,6 +213,10 @@ class Team(Component[TeamMemory]):
     inertia: Annotated[
         Vec3, nonnegative("kg m^2", "supposed moments of inertia of the body; 0: those of the object")
     ] = ZERO3
+    com: Annotated[
+        Vec3,
+        Unit("m", "supposed centre of mass from the middle of the body, its axes; 0: that of the object", folds=True),
+    ] = ZERO3
     position_noise: Annotated[
         Scalar, nonnegative("m", "standard deviation of the body's measured position, each axis")
     ] = 0
@@ -641,12 +645,17 @@ def _smooth(u: Scalar) -> Scalar:
 
 def weight_of(team: Team, desired: BodyMotion, gravity: Scalar) -> tuple[Vec3, Vec3]:
     """Force (N) and moment (N m) about its middle that the body's desired motion takes, world axes."""
-    force = (desired.acceleration + E_Z * gravity) * team.mass
 
     def times_inertia(v: Vec3) -> Vec3:
         return desired.R.apply(team.inertia.hadamard(desired.R.apply_T(v)))
 
-    return force, times_inertia(desired.turning) + desired.rate.cross(times_inertia(desired.rate))
+    moment = times_inertia(desired.turning) + desired.rate.cross(times_inertia(desired.rate))
+    if all(map(coerce.absent, team.com)):
+        return (desired.acceleration + E_Z * gravity) * team.mass, moment
+    lever = desired.R.apply(team.com)
+    of_mass = desired.acceleration + desired.turning.cross(lever) + desired.rate.cross(desired.rate.cross(lever))
+    force = (of_mass + E_Z * gravity) * team.mass
+    return force, moment + lever.cross(force)
 
 
 def require_whole_periods(name: str, value: float, period: float) -> None:
