@@ -151,7 +151,10 @@ class Gripper:
     damping_ratio: Annotated[
         Scalar,
         nonnegative(
-            "", "damping ratio of the grasp with less than 20 g", high=2.0, effect="higher values let the held body swing less in the grasp"
+            "",
+            "damping ratio of the grasp with less than 20 g",
+            high=2.0,
+            effect="higher values let the held body swing less in the grasp",
         ),
     ] = 0.5
     agent: str = field_if_any(default="")
