@@ -241,6 +241,53 @@ def test_toml_completes_rotors_of_blades_and_takes_an_sdf_arm(tmp_path):
     assert (vehicle.joint_names, vehicle.gaps) == (("j",), ())
 
 
+def on_airframe(folder, file):
+    """An airframe of the library that carries the arm of a file, turned and moved."""
+    table = f'[[attach]]\narm = "{file}"\nposition = [0.1, 0.0, -0.05]\nrpy = [0.0, 0.0, 0.4]\n'
+    return load_vehicle(written(folder, f'schema = 1\nname = "v"\nairframe = "hummingbird"\n{table}', "on.toml"))
+
+
+def test_an_attached_root_keeps_its_pose_in_its_model_as_mujoco_has_it(tmp_path):
+    """The same arm in MJCF, which MuJoCo's own attach puts at the same seat."""
+    root = '<pose relative_to="seat">0 0 -0.1 0 0 1.5707963267948966</pose>'
+    tip = '<frame name="tip" attached_to="a"><pose>0.3 0.1 0 0 0 0</pose></frame>'
+    seat = '<frame name="seat"><pose>0.02 0 0 0.2 0 0</pose></frame>'
+    inner = link("root", root) + link("a", '<pose relative_to="root">0 0 -0.2 0 0 0</pose>') + joint("j", "root", "a")
+    written(tmp_path, model(f"<pose>5 6 7 1 0 0</pose>{seat}{inner}{tip}"), "arm.sdf")  # where the model stands is left
+    vehicle = on_airframe(tmp_path, "arm.sdf")
+    turns = 'quat="0.99500416527802582 0.09983341664682815 0 0"'  # cos and sin of 0.1
+    body = f'<body name="seat" pos="0.02 0 0" {turns}><body name="root" pos="0 0 -0.1" quat="0.5 0 0 0.5">'
+    arm = '<body pos="0 0 -0.2"><joint/><inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/><site name="tip" '
+    spec, child = (
+        mujoco.MjSpec(),
+        mujoco.MjSpec.from_string(
+            f'<mujoco><worldbody>{body}{arm}pos="0.3 0.1 0"/></body></body></body></worldbody></mujoco>'
+        ),
+    )
+    frame = spec.worldbody.add_frame(pos=[0.1, 0, -0.05], quat=[np.cos(0.2), 0, 0, np.sin(0.2)])
+    frame.attach_body(child.body("seat"), "z_", "")
+    data = mujoco.MjData(spec.compile())
+    mujoco.mj_kinematics(data.model, data)
+    where = arrays.frame_pose_world(vehicle, [0, 0, 0], [1, 0, 0, 0], [0.0], frame="tip")
+    np.testing.assert_allclose(where[0], data.site("z_tip").xpos, rtol=0, atol=1e-15)
+    np.testing.assert_allclose(where[1], data.site("z_tip").xmat.reshape(3, 3), rtol=0, atol=1e-15)
+    kept = "body root: moved or turned in its file, a pose that it keeps where [[attach]] names this file"
+    assert any(kept in note for note in vehicle.notes)
+    assert kept in " ".join(load_vehicle(tmp_path / "arm.sdf").notes)
+
+
+def test_what_water_adds_and_what_an_include_changes_are_noted(tmp_path):
+    written(tmp_path, model(link("a"), name="hand"), "hand/model.sdf")
+    include = "<include><uri>model://hand</uri><experimental:params><x/></experimental:params></include>"
+    wet = link("base", inner="<fluid_added_mass><xx>1</xx></fluid_added_mass>")
+    text = model(wet + include + joint("j", "base", "hand::a", kind="fixed"), "1.10")
+    named = text.replace("<sdf ", '<sdf xmlns:experimental="http://sdformat.org/schemas/experimental" ')
+    for each in (text, named):
+        notes = read_sdf(written(tmp_path, each, "it/model.sdf")).notes
+        assert "<experimental:params> of the include of model://hand: not read" in notes
+        assert "link base: <fluid_added_mass>: not read" in notes
+
+
 NO_WORD = "<dynamics><spring_stiffness>3</spring_stiffness></dynamics>"
 
 

@@ -96,7 +96,7 @@ PROPERTIES = robot(
     '<properties arm="0.05" kf="5e-10" km="1.2e-11" thrust2weight="2.5"/>',
     HULL,
     *(
-        f"""<link name="{name}"><inertial><origin xyz="{place}"/><mass value="0"/>
+        f"""<link name="{name}"><inertial><origin xyz="{place}"/><mass value="0.01"/>
         <inertia ixx="0" iyy="0" izz="0" ixy="0" ixz="0" iyz="0"/></inertial></link>
         <joint name="{name}_joint" type="fixed"><origin xyz="0 0 0.02"/><parent link="hull"/><child link="{name}"/>
         </joint>"""
@@ -118,7 +118,7 @@ def test_properties_give_rotors_whose_sense_the_user_states(tmp_path: Path) -> N
     assert (first.direction, second.direction) == (-1, 1)
     np.testing.assert_allclose([*map(float, first.position)], (0.04, -0.05, 0.03))
     # kf and km are torque and thrust per squared rev/min: W rad/s are 60 W / (2 pi) of them
-    thrust, speed = 2.5 * 0.8 * 9.81 / 2, float(first.max_speed)
+    thrust, speed = 2.5 * 0.8 * 9.8 / 2, float(first.max_speed)  # BaseAviary's M, of the first link alone, and G
     assert 5e-10 * (speed * 60 / (2 * math.pi)) ** 2 == pytest.approx(thrust, rel=1e-12)
     assert float(first.thrust_coefficient) * speed**2 == pytest.approx(thrust, rel=1e-12)
     assert float(first.moment_coefficient) == pytest.approx(0.024, rel=1e-12)
@@ -134,7 +134,7 @@ def test_properties_give_rotors_whose_sense_the_user_states(tmp_path: Path) -> N
             r"kf of <properties>: rotors\[prop0_link\].thrust_coefficient = -91.*: must be above",
         ),
         ('km="1.2e-11"', 'km="-1"', r"km of <properties>: rotors\[prop0_link\].moment_coefficient = -.*: must be at"),
-        ('weight="2.5"', 'weight="-2"', r"thrust2weight of <properties>: rotors\[prop0_link\].max_thrust = -7.848"),
+        ('weight="2.5"', 'weight="-2"', r"thrust2weight of <properties>: rotors\[prop0_link\].max_thrust = -7.84"),
     ],
 )
 def test_properties_that_no_rotor_has_are_refused_beside_gaps(tmp_path: Path, old: str, new: str, words: str) -> None:

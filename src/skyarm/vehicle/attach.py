@@ -429,3 +429,17 @@ class BodyTree:
             notes=self.notes.lines(),
             looks=tuple(self.looks),
         )
+
+
+def with_pose(bodies: RigidBodies, pose: tuple[Mat3, Vec3], notes: Notes) -> RigidBodies:
+    """Bodies with the pose of their root in its file, and with their notes, one more for a pose beside the origin.
+
+    Args:
+        bodies: those of a file.
+        pose: rotation and position, m.
+        notes: notes of its reader.
+    """
+    if pose != (Mat3.identity(), ZERO3):
+        why = "moved or turned in its file, a pose that it keeps where [[attach]] names this file, and not elsewhere"
+        notes.add(why, bodies.root, "body")
+    return replace(bodies, pose=pose, notes=notes.lines())

@@ -21,7 +21,17 @@ from skyarm.algebra import ZERO3, Mat3, Quaternion, Sym3, Vec3
 from skyarm.records.arrays import Array
 from skyarm.records.files import one_line
 from skyarm.vehicle import description
-from skyarm.vehicle.attach import BodyTree, Mimic, Notes, RigidBodies, at_origin, follow, held_pose, posed_in
+from skyarm.vehicle.attach import (
+    BodyTree,
+    Mimic,
+    Notes,
+    RigidBodies,
+    at_origin,
+    follow,
+    held_pose,
+    posed_in,
+    with_pose,
+)
 from skyarm.vehicle.check import VehicleError, refuse
 from skyarm.vehicle.linkage import Body, Joint
 from skyarm.vehicle.mjcf_actuators import AT_JOINT, at_joint, effort_of, name_of, read_drives
@@ -74,6 +84,7 @@ def read_mjcf(path: Path, mimic: str = "lock", base: str = "") -> RigidBodies:
     """
     notes = Notes()
     model = _compile(path, notes)
+    _read_option(model, notes)
     root, left_out = _root(model, base, notes)
     faults = require_supported(model, root, notes)
     for body in left_out:
@@ -95,12 +106,9 @@ def read_mjcf(path: Path, mimic: str = "lock", base: str = "") -> RigidBodies:
     pose = (Mat3.identity(), ZERO3)
     if root and not _joints(model, root):
         pose = (_rotation(model.body_quat[root]), description.vector(model.body_pos[root]))
-    if pose != (Mat3.identity(), ZERO3):
-        why = "moved or turned in its file, a pose that it keeps where [[attach]] names this file, and not elsewhere"
-        notes.add(why, bodies.root, "body")
     movable = {link.joint.name for link in tree.links} | tree.balls
     acting = {fault: joints & movable for fault, joints in faults.items() if joints & movable}  # the others are fixed
-    return replace(bodies, rotors=rotors, drives=drives, pose=pose, faults=acting, notes=notes.lines())
+    return with_pose(replace(bodies, rotors=rotors, drives=drives, faults=acting), pose, notes)
 
 
 NUMBERS = (
@@ -111,9 +119,9 @@ NUMBERS = (
 
 
 def _require_finite(root: ET.Element) -> None:
-    """Raise an error for a number that is not finite; a range may have no end, nor a floor."""
+    """Raise an error for a number that is not finite; a range may have no end, nor a floor, and a flag is no number."""
     for parent in root.iter():
-        for element in parent:
+        for element in (each for each in parent if each.tag != "flag"):
             field = f"{element.tag}[{element.get('name') or parent.get('name', '')}]"
             for word in NUMBERS.split():
                 for text in element.get(word, "").split():
@@ -140,6 +148,29 @@ def _compile(path: Path, notes: Notes) -> MjModel:
         raise VehicleError(f"MJCF = {one_line(str(error))!r}: must be a model that MuJoCo loads") from None
     finally:
         mujoco.set_mju_user_warning(usual)
+
+
+NOWHERE = 1000
+"""MuJoCo's enumeration value of a transmission that acts at nothing."""
+
+SWITCHES = "constraint equality frictionloss limit spring damper gravity clampctrl actuation"
+"""Flags of a file's option without which its simulation lacks a part of the physics; contacts are not read anyway."""
+
+
+def _read_option(model: MjModel, notes: Notes) -> None:
+    """Leave out the actuators that a file's option disables, with notes on what else it changes of the physics."""
+    import mujoco
+
+    bits = {each: int(getattr(mujoco.mjtDisableBit, f"mjDSBL_{each.upper()}")) for each in SWITCHES.split()}
+    if flags := ", ".join(each for each, bit in bits.items() if model.opt.disableflags & bit):
+        notes.add(f"{flags}: disabled by the option of the file; not read: here they act")
+    gravity = model.opt.gravity.tolist()
+    if any(gravity[:2]) or gravity[2] >= 0.0:
+        notes.add(f"gravity {gravity} of the option: not read; the scenario states gravity, along -z")
+    for actuator, group in enumerate(model.actuator_group.tolist()):
+        if group in range(31) and model.opt.disableactuator >> group & 1:
+            notes.add("of a group that the option disables: left out", name_of(model, "actuator", actuator), "actuator")
+            model.actuator_trntype[actuator] = NOWHERE
 
 
 def _at_rest(model: MjModel, root: int) -> MjData:
@@ -376,7 +407,7 @@ def require_supported(model: MjModel, root: int, notes: Notes) -> dict[str, froz
         name = name_of(model, "actuator", actuator)
         if _is_stated(model, ("actuator_armature", "actuator_damping"), actuator):
             refuse(f"actuator[{name}]", "armature or damping of its own", "must be stated at its joint")
-        if model.actuator_trntype[actuator] not in (*AT_JOINT, SITE):
+        if model.actuator_trntype[actuator] not in (*AT_JOINT, SITE, NOWHERE):
             notes.add("not at a joint or site, so not read", name, "actuator")
     if model.opt.density or model.opt.viscosity:
         notes.add("density and viscosity of the option are not read; [drag] and the scenario's air say that")

@@ -18,6 +18,9 @@ from skyarm.vehicle.attach import Notes
 AT_JOINT, FIXED, PID = (0, 1), 0, 5
 """MuJoCo's enumeration values of transmissions at a joint, and of gains: a number per control, and a pid's."""
 
+LAGGING = (0, 2, 3)
+"""MuJoCo's enumeration values of dynamics in which a constant control comes through whole: none, and two filters."""
+
 
 def name_of(model: Any, kind: str, index: int) -> str:
     """Name of an element of a MuJoCo model; made from its index if the file states none."""
@@ -25,25 +28,34 @@ def name_of(model: Any, kind: str, index: int) -> str:
 
 
 def force_range(model: Any, actuator: int) -> tuple[float, float]:
-    """Least and largest force (N or N m) of an actuator before its gear: its own range and that of its control."""
+    """Least and largest force (N or N m) of an actuator before its gear: its range, its control's, its activation's."""
     low, high = model.actuator_forcerange[actuator] if model.actuator_forcelimited[actuator] else (-math.inf, math.inf)
-    first = model.actuator_ctrladr[actuator]
-    if is_plain(model, actuator) and model.actuator_ctrllimited[first]:
-        ends = np.sort(model.actuator_gainprm[actuator][0] * model.actuator_ctrlrange[first])
-        low, high = max(low, ends[0]), min(high, ends[1])
+    first, lagging = model.actuator_ctrladr[actuator], model.actuator_dyntype[actuator] in LAGGING
+    of_control = model.actuator_ctrlrange[first], lagging and model.actuator_ctrllimited[first]
+    of_activation = model.actuator_actrange[actuator], model.actuator_actlimited[actuator]
+    for ends, counts in (of_control, of_activation):
+        if counts and is_plain(model, actuator):
+            least, most = np.sort(model.actuator_gainprm[actuator][0] * ends)
+            low, high = max(low, least), min(high, most)
     return float(low), float(high)
+
+
+def bias_of(model: Any, actuator: int) -> Array:
+    """Coefficients of an actuator's bias; zeros without a bias, where MuJoCo ignores the numbers of the file."""
+    bias: Array = model.actuator_biasprm[actuator] * (model.actuator_biastype[actuator] != 0)
+    return bias
 
 
 def is_plain(model: Any, actuator: int) -> bool:
     """True if an actuator's force is a number times its control."""
     alone = model.actuator_plugin[actuator] < 0  # a plugin's force follows from none of the model's numbers
-    return alone and model.actuator_gaintype[actuator] == FIXED and not model.actuator_biasprm[actuator].any()
+    return alone and model.actuator_gaintype[actuator] == FIXED and not bias_of(model, actuator).any()
 
 
 def is_servo(model: Any, actuator: int) -> bool:
     """True if an actuator's force is that of a motor or of a loop that pulls towards a setpoint."""
     known = model.actuator_gaintype[actuator] in (FIXED, PID) and model.actuator_biastype[actuator] < 2
-    return known and model.actuator_plugin[actuator] < 0 and max(model.actuator_biasprm[actuator][1:3]) <= 0.0
+    return known and model.actuator_plugin[actuator] < 0 and max(bias_of(model, actuator)[1:3]) <= 0.0
 
 
 def at_joint(model: Any, joint: int) -> list[int]:
@@ -102,7 +114,7 @@ def read_drives(
 
 def _gains(model: Any, actuator: int, notes: Notes) -> Array:
     """Torque per position error, per rate and per integral of the error that an actuator gives its joint; or zeros."""
-    bias, kind, servo = model.actuator_biasprm[actuator], model.actuator_gaintype[actuator], is_servo(model, actuator)
+    bias, kind, servo = bias_of(model, actuator), model.actuator_gaintype[actuator], is_servo(model, actuator)
     name = name_of(model, "actuator", actuator)
     if not servo or (bias[0] and not bias[1]) or model.actuator_dyntype[actuator] not in (0, 6):
         why = "muscle, damper, dcmotor, plugin, or with a filter or bias of its own: that is not read"

@@ -71,6 +71,8 @@ def _text(file: str, vehicle: Vehicle, bodies: RigidBodies | None, tip: str) -> 
         return (text, True) if vehicle.rotors else (text + NO_ROTORS, False)
     own = {each.name: {gap.partition(" ")[0]: gap for gap in gaps_of(each, each.values)} for each in bodies.rotors}
     gaps = {field: gap for each in own.values() for field, gap in each.items()}
+    if "axis" in gaps:  # a comment in its place would read as z
+        refuse("--from", file, f"must state the direction of each thrust; it lacks {gaps['axis']}")
     if joints := joints_below_rotors(bodies):
         source = next(name for name, suffixes in SOURCES.items() if path.suffix in suffixes)
         named = file if is_robot(file) else path.resolve().as_posix()

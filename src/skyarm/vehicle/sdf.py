@@ -20,7 +20,7 @@ from skyarm.algebra import Mat3, Vec3
 from skyarm.records.files import PathLike, errors_as
 from skyarm.records.immutable import positional
 from skyarm.vehicle import description
-from skyarm.vehicle.attach import Notes, RigidBodies, at_origin, posed_in
+from skyarm.vehicle.attach import Notes, RigidBodies, at_origin, posed_in, with_pose
 from skyarm.vehicle.check import VehicleError, refuse
 from skyarm.vehicle.rotor_sources.own_files import OWN
 from skyarm.vehicle.urdf import UNLIMITED, read_robot
@@ -38,7 +38,7 @@ DEEPEST = 100
 TRUE = ("1", "true", "True", "TRUE")
 
 OF_PLUGINS = ("linkName", "jointName", "link_name")
-"""Elements of a plugin that name a link or joint of its model."""
+"""Elements anywhere in a plugin that name a link or joint of its model."""
 
 ROOT = "__model__"
 """Name by which every model knows its own frame, and the tree that of the vehicle."""
@@ -79,7 +79,8 @@ def read_sdf(path: PathLike, mimic: str = "lock", base: str = "") -> RigidBodies
     model, scope = _vehicle(Path(path), base, notes)
     tree = _Tree(notes)
     tree.add(model, scope)
-    return read_robot(tree.robot(model.get("name", "sdf")), mimic, notes, Path(path))
+    bodies = read_robot(tree.robot(model.get("name", "sdf")), mimic, notes, Path(path))
+    return with_pose(bodies, tree.pose_of(bodies.root), notes)
 
 
 def _vehicle(path: Path, base: str, notes: Notes) -> tuple[ET.Element, _Scope]:
@@ -120,6 +121,8 @@ def _document(path: Path, note: Callable[[str], None]) -> tuple[ET.Element, _Sco
 def _read_include(include: ET.Element, scope: _Scope) -> tuple[ET.Element, _Scope]:
     """Model that an <include> names, with the name, pose and plugins that it gives the model."""
     uri = text_of(include, "uri")
+    for params in include.findall("experimental:params"):
+        scope.note(f"<{params.tag}> of the include of {uri}: not read")
     file = _file_of(uri, scope.file)
     with errors_as(VehicleError, f"include = {uri!r}: ", VehicleError):
         sdf, inside = _document(file, scope.note)
@@ -174,7 +177,7 @@ class _Tree:
         before = len(self.links)
         for element in model:
             if element.tag in ("plugin", OWN):
-                for named in (each for word in OF_PLUGINS for each in element.findall(word)):
+                for named in (each for word in OF_PLUGINS for each in element.iter(word)):
                     if text := text_of(named):
                         named.text = scope.whole(text)
                 self.plugins.append(element)
@@ -227,6 +230,11 @@ class _Tree:
         base, pose, placement = self.frames[key]
         at = posed_in(self._at(base, top, depth + 1), pose.rotation, pose.position)
         return posed_in(at, *_within(self._at(placement, key, depth + 1), ORIGIN)) if placement else at
+
+    def pose_of(self, link: str) -> tuple[Mat3, Vec3]:
+        """Rotation and position (m) of a link in the vehicle's model."""
+        at = self._at(link)
+        return at.rotation, at.position
 
     def _link_of(self, name: str, field: str) -> str:
         """Link that a frame, joint or model is fixed to."""
@@ -360,6 +368,8 @@ def _add_inertial(urdf: ET.Element, link: ET.Element, notes: Notes) -> None:
     name, stated = urdf.get("name", ""), _inner(link, "inertial")
     if stated.get("auto") in TRUE:
         refuse(f"link[{name}].inertial.auto", "true", "must be false, beside <mass>, <inertia>; no shape is weighed")
+    for added in stated.findall("fluid_added_mass"):
+        notes.add(f"<{added.tag}>: not read", name, "link")
     given = {"mass": text_of(stated, "mass"), **_texts(stated, "inertia")}
     if missing := [word for word in ("mass", "ixx", "iyy", "izz") if not given.get(word)]:
         notes.add(f"without {', '.join(missing)}: 1 kg and 1 kg m^2, as SDF defines", name, "link")

@@ -2,7 +2,7 @@
 
 The plugin pushes along z of the rotor's link, at its centre of mass, with motorConstant w^2, and turns it with
 momentConstant times that thrust. Source: RotorS (Furrer et al. 2016), gazebo_motor_model.cpp; gz-sim,
-MulticopterMotorModel.cc.
+MulticopterMotorModel.cc; of blades gz-sim, LiftDrag.cc, and ardupilot_gazebo, ArduPilotPlugin.cc.
 """
 
 from __future__ import annotations
@@ -11,10 +11,12 @@ import xml.etree.ElementTree as ET
 from collections.abc import Sequence
 from typing import Any
 
+from skyarm.algebra import Vec3
 from skyarm.records.files import must_be_one_of
+from skyarm.vehicle import description
 from skyarm.vehicle.check import refuse
 from skyarm.vehicle.stated_rotors import RotorFile, StatedRotor
-from skyarm.vehicle.xml_elements import finite, text_of
+from skyarm.vehicle.xml_elements import finite, numbers, numbers_of, text_of
 
 WORDS = {
     "motorConstant": "thrust_coefficient",
@@ -36,6 +38,9 @@ SLOWDOWN, SLOWER = "rotorVelocitySlowdownSim", "10"
 SIGNED = "libgazebo_motor_model.so"
 """Plugin of PX4's Gazebo classic, whose rolling moment goes by the sense of rotation; that of the others does not."""
 
+ALONG = 0.01
+"""Sine of the angle up to which a blade's lift is along its joint's axis: files round a right angle to 1.57."""
+
 SENSES = {"ccw": 1, "cw": -1, "1": 1, "-1": -1}
 
 
@@ -49,18 +54,51 @@ def motor_models(file: RotorFile) -> tuple[StatedRotor, ...]:
 
 def blade_rotors(file: RotorFile) -> tuple[StatedRotor, ...]:
     """Rotors of LiftDrag plugins, as ArduPilot's: links that turn without end, with lift slopes in place of thrust."""
-    plugins = tuple(plugin for plugin in file.xml.iter("plugin") if plugin.find("cla") is not None)
-    links = [each.get("name", "") for each in file.xml.findall("link")]
-    blades = [text_of(plugin, "link_name") for plugin in plugins]
-    for plugin, blade in zip(plugins, blades, strict=True):
-        if blade not in links:
-            refuse(f"{_field(plugin)}.link_name", blade, must_be_one_of(links, blade))
-    absent = {"thrust_coefficient": "its blades are LiftDrag plugins, with lift slopes"}
-    return tuple(
-        StatedRotor(name=name, link=name, joint=joint.get("name", ""), absent=absent, elements=plugins)
-        for joint, name in file.endless()
-        if name in blades
+    links, blades = [each.get("name", "") for each in file.xml.findall("link")], dict[str, list[ET.Element]]()
+    for plugin in (each for each in file.xml.iter("plugin") if each.find("cla") is not None):
+        link = text_of(plugin, "link_name")
+        if link not in links:
+            refuse(f"{_field(plugin)}.link_name", link, must_be_one_of(links, link))
+        blades.setdefault(link, []).append(plugin)
+    return tuple(_blade_rotor(file, joint, link, blades[link]) for joint, link in file.endless() if link in blades)
+
+
+def _blade_rotor(file: RotorFile, joint: ET.Element, link: str, blades: Sequence[ET.Element]) -> StatedRotor:
+    """Rotor of a link with blades: its thrust is along the joint's axis, to the side of their lift."""
+    name, absent = joint.get("name", ""), {"thrust_coefficient": "its blades are LiftDrag plugins, with lift slopes"}
+    field = f"joint[{name}].axis"
+    spin = description.unit_axis(field, numbers(joint.find("axis"), "xyz", field, (1.0, 0.0, 0.0)))
+    sides = {_side_of_lift(each, spin, _full_rate(file, name)) for each in blades}
+    if sides not in ({1}, {-1}):
+        absent["axis"] = "<upward> of its LiftDrag plugins is not along the joint, or to both sides"
+    axis = -spin if sides == {-1} else spin
+    return StatedRotor(name=link, link=link, axis=axis, joint=name, absent=absent, elements=tuple(blades))
+
+
+def _side_of_lift(blade: ET.Element, spin: Vec3, turning: float) -> int:
+    """Side of the joint's axis on which a blade lifts at rest: 1, -1, or 0 for across.
+
+    Lift is along (forward x upward) x velocity: along upward while the blade moves forward, as it is taken to where
+    no plugin turns its joint; against upward while it moves backward.
+    """
+    forward, upward, arm = (
+        description.vector(numbers_of(text_of(blade, word, usual), f"{_field(blade)}.{word}", 3))
+        for word, usual in (("forward", "1 0 0"), ("upward", "0 0 1"), ("cp", "0 0 0"))
     )
+    upward = description.unit_axis(f"{_field(blade)}.upward", upward)
+    if float(spin.cross(upward).norm()) > ALONG:
+        return 0
+    backward = float(spin.cross(arm).dot(forward)) * turning < 0.0
+    return 1 if (float(spin.dot(upward)) > 0.0) != backward else -1
+
+
+def _full_rate(file: RotorFile, joint: str) -> float:
+    """Rate at which ArduPilot's plugin turns a joint at full throttle, or its sense; 0 if there is none."""
+    for control in file.xml.iter("control"):
+        if text_of(control, "jointName") == joint:
+            text = text_of(control, "multiplier", text_of(control, "turningDirection", "1"))
+            return SENSES.get(text) or finite(text, f"control[{joint}].multiplier")
+    return 0.0
 
 
 def is_motor(plugin: ET.Element) -> bool:

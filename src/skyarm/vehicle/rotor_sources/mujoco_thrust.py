@@ -17,11 +17,11 @@ from skyarm.records.arrays import Array
 from skyarm.records.immutable import positional
 from skyarm.vehicle import description
 from skyarm.vehicle.attach import Notes
-from skyarm.vehicle.mjcf_actuators import at_joint, force_range, is_plain, name_of
+from skyarm.vehicle.mjcf_actuators import LAGGING, at_joint, force_range, is_plain, name_of
 from skyarm.vehicle.stated_rotors import LAGS, MAX_THRUST, RotorFile, StatedRotor
 
-SITE, FILTERS, HINGE, EQUAL_JOINTS = 4, (2, 3), 3, 2
-"""MuJoCo's enumeration values of a transmission, of filters of a control, of a joint, and of an equality."""
+SITE, HINGE, EQUAL_JOINTS = 4, 3, 2
+"""MuJoCo's enumeration values of a transmission, of a joint, and of an equality."""
 
 ALONG = 1e-6
 """Sine or cosine of an angle up to which two axes count as parallel or perpendicular."""
@@ -55,16 +55,16 @@ def thrusts_at_sites(file: RotorFile) -> tuple[StatedRotor, ...]:
 def _at_site(vehicle: MujocoVehicle, site: int, actuators: Sequence[int]) -> list[StatedRotor]:
     """Rotors at one site; none if its actuators push or turn in several directions, as a whole wrench does."""
     model = vehicle.model
-    pushing = [each for each in actuators if model.actuator_gear[each][:3].any() and is_plain(model, each)]
+    known = [each for each in actuators if is_plain(model, each) and model.actuator_dyntype[each] in LAGGING]
+    pushing = [each for each in known if model.actuator_gear[each][:3].any()]
     if pushing:
         axis = model.actuator_gear[pushing[0]][:3]
         across = np.cross(axis, model.actuator_gear[actuators].reshape(-1, 3)) / np.linalg.norm(axis)
         if abs(across).max() > ALONG or model.actuator_trnid[actuators, 1].max() >= 0:
             pushing = []
     for each in set(actuators) - set(pushing):
-        why = (
-            "a part of a wrench at a site, or a torque of its own input, and no rotor; not read; [[rotors]] states them"
-        )
+        why = "a part of a wrench at a site, a torque of its own input, or with a bias or activation of its own"
+        why += ", and no rotor; not read; [[rotors]] states them"
         vehicle.notes.add(why, name_of(model, "actuator", each), "actuator")
     return [_rotor(vehicle, site, each, model.site(site).name if len(pushing) == 1 else "") for each in pushing]
 
@@ -114,7 +114,7 @@ def _values(model: Any, actuator: int) -> dict[str, Any]:
         values |= {"moment_coefficient": abs(turning), "direction": -1 if turning > 0.0 else 1}
     if 0.0 < high < math.inf:
         values |= {MAX_THRUST: size * high, "reversible": low == -high}
-    if model.actuator_dyntype[actuator] in FILTERS and lag > 0.0:
+    if model.actuator_dyntype[actuator] and lag > 0.0:
         values |= dict.fromkeys(LAGS, lag)
     return values
 

@@ -1,7 +1,8 @@
 """Rotors of the URDF files of gym-pybullet-drones and its kin: ``<properties kf km thrust2weight>``, ``propN`` links.
 
 The coefficients are per squared rev/min; hubs are the inertial origins of massless links. Which rotor turns which way
-stands in the programs' code. Source: gym-pybullet-drones, envs/BaseAviary.py.
+stands in the programs' code. thrust2weight is of the weight of the first link alone, without what is fixed to it.
+Source: gym-pybullet-drones, envs/BaseAviary.py.
 """
 
 from __future__ import annotations
@@ -12,8 +13,8 @@ import re
 from skyarm.vehicle.stated_rotors import MAX_THRUST, RotorFile, StatedRotor
 from skyarm.vehicle.xml_elements import centre_of_mass, number
 
-GRAVITY = 9.81
-"""m/s^2, of thrust2weight."""
+GRAVITY = 9.8
+"""m/s^2, G of that program."""
 
 PER_RPM = (30.0 / math.pi) ** 2
 """Coefficient per (rad/s)^2 over that per (rev/min)^2."""
@@ -27,7 +28,7 @@ def properties_rotors(file: RotorFile) -> tuple[StatedRotor, ...]:
         return ()
     kf = number(properties, "kf", "properties", 0.0)
     links = [each for each in root.findall("link") if re.match(r"prop\D*\d", each.get("name", ""))]
-    mass = sum(number(each, "value", "mass", 0.0) for each in root.findall("link/inertial/mass"))
+    mass = number(root.find("link[1]/inertial/mass"), "value", "mass", 0.0)
     scales = {
         "kf": ("thrust_coefficient", PER_RPM),
         "km": ("moment_coefficient", 1.0 / (kf or 1.0)),  # kf = 0 is refused as a thrust coefficient
