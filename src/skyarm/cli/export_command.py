@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import inspect
+import math
 import re
 from dataclasses import replace
 from pathlib import Path
@@ -29,14 +30,17 @@ from skyarm.records.files import (
     shown,
     write_atomically,
 )
+from skyarm.records.files.names import read_named
 from skyarm.records.files.own_inputs import require_no_input
 from skyarm.records.files.user_code import require_result
+from skyarm.records.path_names import word_of
 from skyarm.records.registry import find, names
 from skyarm.records.registry.plugins import identities, law_of_file_name
 from skyarm.scenario.controller_table import make_named_or_tuned
-from skyarm.scenario.scenario_file import is_scenario, kind_of_file, load_scenario
-from skyarm.scenario.scenario_record import HIGHEST_RATE, first_state
+from skyarm.scenario.scenario_file import LIBRARY, is_scenario, kind_of_file, load_scenario, scenario_from
+from skyarm.scenario.scenario_record import HIGHEST_RATE, Scenario, first_state
 from skyarm.sensing.sensor_kinds import ImuReading, mount_rotation, reads
+from skyarm.simulate.command_delay import rotor_and_joint_delays
 from skyarm.vehicle import BASE, Frame
 from skyarm.vehicle.robot_text import actuator_names
 from skyarm.vehicle.vehicle_files import list_vehicles, load_vehicle
@@ -208,7 +212,7 @@ def _law(
     if asked is not None and not SLOWEST <= asked <= HIGHEST_RATE:
         raise ValueError(f"--rate = {rate!r}: must be from {SLOWEST:g} to {HIGHEST_RATE} Hz")
     of_gains = kind_of_file(controller) == "gains"
-    note, estimator = "", None
+    notes, estimator, late = list[str](), None, (0, 0)
     if is_named(controller) or of_gains:
         if vehicle is None:
             raise ValueError(f"--vehicle: is missing; controller {controller!r} must know the vehicle it flies")
@@ -225,11 +229,15 @@ def _law(
             if value is not None:
                 raise ValueError(f"{option} = {value!r}: must be left out, scenario {controller!r} brings its own")
         planned = load_scenario(controller).alone("the law in C")
+        if asked is not None and asked != planned.rates.control:
+            with errors_as(ValueError, f"--rate = {rate!r}: "):
+                planned = _at_rate(controller, asked, planned.rates.physics).alone("the law in C")
         chosen, title = planned.agent.controller, planned.name
         estimator = planned.agent.placed_estimator.on_board
-        if any(change.of_law for change in planned.changes):
-            note = f"; the law as {controller} begins, without its changes in flight"
-        control_rate = asked or float(planned.rates.control)
+        late = _late_periods(planned)
+        if _changes_in_flight(planned):
+            notes = [f"Law, model and estimator as {controller} begins, without its changes in flight."]
+        control_rate = float(planned.rates.control)
     believed = chosen.par.model.vehicle
     identifier = re.sub(r"[^A-Za-z0-9_]", "_", title)
     exported = export_c(
@@ -239,6 +247,8 @@ def _law(
         single=single,
         generator=", ".join([f"skyarm {__version__}", *(f"{each} {of}" for each, of in identities().items())]),
         estimator=estimator,
+        late=late,
+        notes=notes,
     )
     write_atomically(file, exported.text.encode("ascii"))
     precision = "float" if single else "double"
@@ -254,8 +264,32 @@ def _law(
     )
     tell(
         f"{file}: {exported.name}_step, {chosen.name} for {believed.name}",
-        f"{exported.operations} operations in {precision}, {len(exported.parameters)} parameters{note}",
+        f"{exported.operations} operations in {precision}, {len(exported.parameters)} parameters",
+        *notes,
     )
+
+
+def _at_rate(name: str, rate: float, physics: int) -> Scenario:
+    """Scenario read anew with another control rate (Hz), so that law, filter and checks are those of this rate."""
+    tables, folder = read_named(name, "scenario", LIBRARY)
+    step = int(rate) if rate.is_integer() else rate
+    stated = tables.get("rates")
+    rates = dict(stated) if isinstance(stated, dict) else {}
+    # physics must be a multiple of control; the C file holds nothing of it
+    rates |= {"control": step, "physics": math.ceil(physics / rate) * step}
+    return scenario_from(tables | {"rates": rates}, folder)
+
+
+def _late_periods(scenario: Scenario) -> tuple[int, int]:
+    """Whole control periods by which the commands of rotors and of joints act late."""
+    (rotors, _), (joints, _) = rotor_and_joint_delays(scenario)
+    return int(float(rotors)), int(float(joints))
+
+
+def _changes_in_flight(scenario: Scenario) -> bool:
+    """True if law, model or estimator change in flight, by scheduled changes or payloads in the law's model."""
+    changed = any(word_of(each.path).split(".")[0] in ("controller", "model", "estimator") for each in scenario.changes)
+    return changed or any(each.believed for each in scenario.agent.payloads)
 
 
 def _require_scenario(controller: str) -> None:

@@ -57,8 +57,10 @@ static {kind} {name}({kind} x)
 
 KEEP_IEEE = """\
 /* NaN must stay visible and every operation keep its rounding. */
-#if defined(__FAST_MATH__) || defined(_M_FP_FAST) || (defined(__FINITE_MATH_ONLY__) && __FINITE_MATH_ONLY__)
-#error "compile without -ffast-math, -ffinite-math-only or /fp:fast: this code must see NaN and round every operation"
+#if defined(__FAST_MATH__) || defined(_M_FP_FAST) || (defined(__FINITE_MATH_ONLY__) && __FINITE_MATH_ONLY__) \\
+    || defined(__ASSOCIATIVE_MATH__) || defined(__RECIPROCAL_MATH__)
+#error "compile without -ffast-math, -ffinite-math-only, -funsafe-math-optimizations or /fp:fast: \
+this code must see NaN and round every operation"
 #endif
 /* a * b + c rounds twice, as in Python. */
 #if defined(__clang__)
@@ -390,6 +392,10 @@ class StepFile:
         body += statements(self.program, floats, name, inputs, outputs)
         values = (structs["parameters"], structs["memory"])
         lines = [f"#ifndef {name.upper()}_INTERFACE_ONLY", "#include <math.h>", "", KEEP_IEEE]
+        if not floats.single:
+            word = f"{name}_needs_64_bit_double_without_fsingle_precision_constant"
+            # a negative size is an error where 0.1 is a float
+            lines += [f"typedef char {word}[sizeof(0.1) > sizeof(float) ? 1 : -1];", ""]
         for constant, each in zip(self._constants(), values, strict=True):
             lines += [f"{constant} = {initialiser(each, floats)};", ""]
         lines += [

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import re
 import shutil
+import subprocess
 import sys
 from pathlib import Path
 
@@ -15,6 +16,7 @@ from exported_sizes import built, nanoseconds_of, stack_of
 
 import skyarm
 from skyarm.algebra import Vec3
+from skyarm.cli.export_command import _changes_in_flight
 from skyarm.cli.main import main
 from skyarm.control.blocks.disturbance_observer import Observed
 from skyarm.control.catalogue import PRESETS, Controller, make_controller
@@ -26,8 +28,10 @@ from skyarm.control.safety import with_safety_layer
 from skyarm.dynamics.actuators import Command
 from skyarm.records.leaves import leaves, rebuild
 from skyarm.records.units import units
+from skyarm.world import TimedPayload
 from support.cases import sampled
 from support.engines import CAREFUL, CC, LIBM, STRICT, Loaded, needs_cc, object_file, run, undefined
+from support.flights import TEXT
 from support.laws import G, step
 
 PAPER_LAWS = ("rotors_sim_position", "decoupled_pd", "hybrid_computed_torque")
@@ -273,6 +277,21 @@ def test_two_controllers_link_into_one_program_by_their_declarations(tmp_path):
 
 
 @needs_cc
+def test_a_build_whose_constants_are_not_doubles_ends_in_an_error_with_the_flag(tmp_path):
+    """Without it the file would compute with numbers of 24 bits; a file in float takes the flag."""
+    for single, flags, code in (
+        (False, ["-fsingle-precision-constant"], 1),
+        (True, ["-fsingle-precision-constant"], 0),
+        (False, [], 0),
+    ):
+        (tmp_path / "law.c").write_text(text_of(built("hummingbird_arm2", "paper_ct"), single=single))
+        compiler = [CC, "-std=c99", *flags, "-c", "law.c", "-o", "law.o"]
+        done = subprocess.run(compiler, cwd=tmp_path, capture_output=True, text=True, check=False)
+        assert done.returncode == code, (flags, done.stderr)
+        assert ("law_needs_64_bit_double_without_fsingle_precision_constant" in done.stderr) is bool(code)
+
+
+@needs_cc
 def test_the_file_is_c_plus_plus_too(tmp_path):
     compiler = shutil.which("c++")
     if compiler is None:
@@ -464,6 +483,63 @@ def test_a_scenario_is_exported_as_it_flies(tmp_path, monkeypatch, capsys):
     in_c = Loaded(text, tmp_path, name="my_flight")
     for pair in inputs("hummingbird_arm2"):
         assert same_bits(in_c(*pair), expected(controller, *pair))
+
+
+DELAYED = """
+name = "late"
+duration = 1.0
+delays = { measurement = 0.01 }
+rates = { RATES }
+model = { vehicle = "hummingbird_arm2" }
+plant = { vehicle = "hummingbird_arm2_rotors" }
+controller = { preset = "centroidal_tip" }
+[reference.base]
+kind = "hover"
+position = [0, 0, 1]
+"""
+
+
+@pytest.mark.parametrize(("rate", "rates"), [("500", "control = 500"), ("400", "physics = 1200, control = 400")])
+def test_a_scenario_at_another_rate_is_the_one_that_holds_this_rate(tmp_path, monkeypatch, capsys, rate, rates):
+    """Law, first memory and delays in periods, to the letter; the physics follows where it must be a multiple."""
+    monkeypatch.chdir(tmp_path)
+    texts = []
+    for held, options in (("control = 200", ("--rate", rate)), (rates, ())):
+        (tmp_path / "late.toml").write_text(DELAYED.replace("RATES", held))
+        code, said = command(monkeypatch, capsys, "late.toml", *options, "-o", "x.c")
+        assert (code, said.err) == (0, "")
+        texts.append((tmp_path / "x.c").read_text())
+    assert texts[0] == texts[1]
+
+
+def test_a_rate_that_the_scenario_s_sensors_do_not_allow_is_one_line(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "f.toml").write_text(TEXT)
+    code, said = command(monkeypatch, capsys, "f.toml", "--rate", "500", "-o", "x.c")
+    assert code == 2
+    assert said.err.startswith("skyarm: --rate = 500.0: ")
+    assert "estimator.delay_periods: lags 0.004 s, must be at least sensors.mocap.latency = 0.01 s" in said.err
+
+
+@pytest.mark.parametrize(
+    "path", ["controller.gains.position.z", "model.payload.mass", "estimator.gyro", "plant.gravity"]
+)
+def test_changes_in_flight_of_what_is_exported_are_noted_on_terminal_and_in_file(tmp_path, monkeypatch, capsys, path):
+    monkeypatch.chdir(tmp_path)
+    changed = TEXT.replace('preset = "centroidal_tip"', 'preset = "paper_ct"')
+    (tmp_path / "f.toml").write_text(f"{changed}\n[[changes]]\nat = 0.5\npath = '{path}'\nvalue = 1.0\n")
+    code, said = command(monkeypatch, capsys, "f.toml", "-o", "x.c")
+    assert (code, said.err) == (0, "")
+    words, noted = "without its changes in flight", path != "plant.gravity"
+    assert (words in " ".join(said.out.split())) is noted
+    assert (words in (tmp_path / "x.c").read_text().split("*/")[0]) is noted
+
+
+def test_a_believed_payload_of_a_waiting_phase_counts_as_a_change_in_flight():
+    scenario = skyarm.load_scenario("case3")
+    payload = TimedPayload(name="parcel", mass=0.1, pick=0.2, drop=0.4, believed=True)
+    assert not _changes_in_flight(scenario)
+    assert _changes_in_flight(scenario.with_agent(dataclasses.replace(scenario.agent, payloads=(payload,))))
 
 
 ERRORS = [

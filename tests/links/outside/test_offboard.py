@@ -20,7 +20,7 @@ from skyarm.links.outside import offboard
 from skyarm.links.outside.offboard import OffboardFlight, OffboardSettings, require_outside
 from skyarm.links.outside.offboard_link import OffboardError, OffboardLink
 from skyarm.links.outside.outside_law import OutsideLaw
-from skyarm.scenario.scenario_record import ScenarioError
+from skyarm.scenario.scenario_record import Change, ScenarioError
 
 SCENARIO = """
 schema = 1
@@ -371,6 +371,18 @@ def test_a_silent_arm_ends_the_flight(scenario, tmp_path):
 def test_a_scenario_that_needs_a_simulator_is_refused(name, controller, words):
     scenario = load_scenario(name, controller=controller)
     with pytest.raises(ScenarioError, match=words):
+        require_outside(scenario)
+
+
+@pytest.mark.parametrize(
+    ("path", "refused"),
+    [("model.payload.mass", True), ("controller.gains.position.z", True), ("plant.base.mass", False)],
+)
+def test_changes_of_law_and_model_in_flight_are_refused_those_of_the_plant_are_not(path, refused):
+    scenario = dataclasses.replace(load_scenario("case3"), changes=(Change(at=1.0, path=path, value=0.9),))
+    if not refused:
+        return require_outside(scenario)
+    with pytest.raises(ScenarioError, match=f"changes: {path} at 1 s: must be left out"):
         require_outside(scenario)
 
 

@@ -12,11 +12,12 @@ from __future__ import annotations
 import dataclasses
 import inspect
 import re
-from collections.abc import Callable
-from functools import partial
+from collections.abc import Callable, Sequence
+from functools import partial, reduce
 from typing import Annotated, Any
 
-from skyarm.algebra import Scalars
+from skyarm.algebra import Scalar, Scalars
+from skyarm.algebra.scalars import absolute, logical_and, logical_or
 from skyarm.compile import Program, trace
 from skyarm.compile.c_source import Floats, StepFile, Struct, Units, make_struct
 from skyarm.compile.tracing.float_trial import PERIODS
@@ -28,7 +29,7 @@ from skyarm.dynamics.actuators import Command
 from skyarm.dynamics.actuators.drive import TORQUE_DRIVE, Drive
 from skyarm.dynamics.actuators.hover import hover_trim
 from skyarm.records.immutable import immutable
-from skyarm.records.leaves import Dataclass, Place, leaves, parts
+from skyarm.records.leaves import Dataclass, Place, blend, leaves, parts
 from skyarm.records.units import Unit
 from skyarm.reference import Reference
 from skyarm.reference.carry import Carry
@@ -92,11 +93,15 @@ class EstimatedConstants:
 
 @immutable
 class EstimatedMemory:
-    """Internal states of state estimator and control law, and the last command."""
+    """Internal states of state estimator and control law, the last command, and older ones that are still to act.
+
+    ``underway`` is oldest first: as many as the command's delay has whole control periods.
+    """
 
     estimate: FilterMemory
     law: Any
     sent: Command
+    underway: tuple[Command, ...] = ()
 
 
 def blank_readings(estimator: ErrorStateFilter, joints: int, tip_force: int = 0) -> FilterReadings:
@@ -108,8 +113,24 @@ def blank_readings(estimator: ErrorStateFilter, joints: int, tip_force: int = 0)
     return FilterReadings(imu=BLANK_INERTIAL, encoders=encoders, tip_force=(0.0,) * tip_force, **aids)
 
 
-def first_estimated_memory(controller: Controller, estimator: ErrorStateFilter) -> EstimatedMemory:
-    """Initial internal states of state estimator and control law, in hover with all joints at zero."""
+def have_come(readings: FilterReadings) -> Scalar:
+    """True if every reading that the filter needs has a time above 0, and an attitude a length of 1 within 1 %."""
+    taken = [each for name, each in parts(readings).items() if leaves(each) and name != "tip_force"]
+    conditions: list[Scalar] = [each.time > 0.0 for each in taken]
+    conditions += [
+        absolute(sum((c * c for c in leaves(each.quaternion)), 0.0) - 1.0) < 0.02
+        for each in taken
+        if isinstance(each, PoseReading)
+    ]
+    come: Scalar = reduce(logical_and, conditions)
+    return come
+
+
+def first_estimated_memory(controller: Controller, estimator: ErrorStateFilter, late: int = 0) -> EstimatedMemory:
+    """Initial internal states of state estimator and control law, in hover with all joints at zero.
+
+    ``late`` is the largest number of control periods by which a command acts late.
+    """
     model = controller.par.model
     trim = hover_trim(model.vehicle, model.vehicle.zeros, model.gravity)
     drives = drives_of(model.vehicle)
@@ -118,11 +139,18 @@ def first_estimated_memory(controller: Controller, estimator: ErrorStateFilter) 
         for joint, effort in zip(model.vehicle.joints, trim.efforts, strict=True)
     )
     sent = Command(rotor_speeds=tuple(trim.speeds), efforts=efforts).dense()
-    return EstimatedMemory(estimate=estimator.start(model.vehicle), law=controller.memory, sent=sent)
+    start = estimator.start(model.vehicle)
+    return EstimatedMemory(estimate=start, law=controller.memory, sent=sent, underway=(sent,) * late)
 
 
-def estimated_law(controller: Controller) -> Callable[..., tuple[EstimatedMemory, Command]]:
-    """Step function (constants, readings, reference, memory) -> (memory, command) of state estimator and law."""
+def estimated_law(
+    controller: Controller, late: tuple[int, int] = (0, 0)
+) -> Callable[..., tuple[EstimatedMemory, Command]]:
+    """Step function (constants, readings, reference, memory) -> (memory, command) of state estimator and law.
+
+    Until all readings have come the memory stays, and the command is the memory's. ``late``: whole control periods by
+    which the commands of rotors and of joints act late.
+    """
     law = checked_law(controller)
 
     def step(
@@ -131,12 +159,17 @@ def estimated_law(controller: Controller) -> Callable[..., tuple[EstimatedMemory
         model = constants.parameters.model
         estimator = constants.estimator.believing(model.vehicle, model.gravity)
         arrived = {name: each for name, each in parts(readings).items() if leaves(each) and name != "tip_force"}
-        estimate, measurement = estimator.step(memory.estimate, arrived, memory.sent, constants.period)
+        queue = (*memory.underway, memory.sent)
+        rotors, joints = (queue[-1 - age] for age in late)
+        acting = dataclasses.replace(rotors, efforts=joints.efforts)
+        estimate, measurement = estimator.step(memory.estimate, arrived, acting, constants.period)
         if readings.tip_force:
             measurement = dataclasses.replace(measurement, tip_force=readings.tip_force)
         following, command = law(memory.law, measurement, reference, constants.period, par=constants.parameters)
-        sent = command.dense()
-        return EstimatedMemory(estimate=estimate, law=following, sent=sent), sent
+        new = EstimatedMemory(estimate=estimate, law=following, sent=command.dense(), underway=queue[1:])
+        # a zeroed struct would be the truth that the filter starts from
+        now = blend(logical_or(memory.estimate.started > 0.5, have_come(readings)), new, memory)
+        return now, now.sent
 
     return step
 
@@ -182,6 +215,8 @@ def export_c(
     single: bool = False,
     generator: str = "skyarm",
     estimator: ErrorStateFilter | None = None,
+    late: tuple[int, int] = (0, 0),
+    notes: Sequence[str] = (),
 ) -> ExportedC:
     """Write a controller as a C file.
 
@@ -192,10 +227,12 @@ def export_c(
         single: float in place of double.
         generator: name and version of the writing program, for the opening comment.
         estimator: state estimator between readings and law; the file's measurement then holds the readings.
+        late: whole control periods by which the commands of rotors and of joints act late, for the estimator's model.
+        notes: lines for the opening comment.
 
     Raises:
-        ValueError: the name is no C identifier of at most 64 characters, the law cannot be traced, or the estimator's
-            model takes setpoints of the vehicle's drives for torques.
+        ValueError: the name is no C identifier of at most 64 characters, the law cannot be traced, the estimator's
+            model takes setpoints of the vehicle's drives for torques, or an estimator should compute in float.
     """
     if not NAME.fullmatch(name):
         raise ValueError(f"name = {name!r}: must be letters, digits and _, begin with a letter, 64 at most")
@@ -203,11 +240,16 @@ def export_c(
     check_controller(controller)
     vehicle = controller.par.model.vehicle
     if estimator is not None:
+        if single:
+            raise ValueError(
+                "--float32: must be left out with an estimator, whose times need double: "
+                "export in double, or the law alone, without [estimator]"
+            )
         estimator.require_torques(vehicle.name, {each.name: each.drive for each in vehicle.drives})
-    records = _examples(controller, period, estimator)
+    records = _examples(controller, period, estimator, max(late))
     seen = level(_blank(controller), float(controller.par.model.gravity))
     try_law(controller, period, seen, (records["reference"],) * PERIODS)
-    program = _trace_step(controller, records, estimator)
+    program = _trace_step(controller, records, estimator, late)
     structs = _structs(controller, records, program, behind_filter=estimator is not None)
     file = StepFile(
         name=name,
@@ -220,14 +262,13 @@ def export_c(
     )
     operations = sum(node.op not in ("input", "const") for node in program.lowered.nodes)
     names = tuple(member.name for member in structs["parameters"].members)
-    opening = _header(controller, file, period, operations, generator)
-    if estimator is not None:
-        opening[1:1] = [f"The law receives the estimate of an error-state filter: {estimator.aiding}, inertial unit."]
+    opening = _header(controller, file, period, operations, generator, estimator)
+    opening[1:1] = notes
     text = file.text(opening)
     return ExportedC(name=name, text=text, operations=operations, parameters=names)
 
 
-def _examples(controller: Controller, period: float, estimator: ErrorStateFilter | None) -> dict[str, Any]:
+def _examples(controller: Controller, period: float, estimator: ErrorStateFilter | None, late: int) -> dict[str, Any]:
     """Example inputs of the exported C function, which give array lengths and default values."""
     vehicle = controller.par.model.vehicle
     records = {
@@ -239,7 +280,7 @@ def _examples(controller: Controller, period: float, estimator: ErrorStateFilter
     if estimator is not None:
         records["parameters"] = EstimatedConstants(parameters=controller.par, estimator=estimator, period=period)
         records["measurement"] = blank_readings(estimator, vehicle.n, tip_force=_axes_at_tip(controller))
-        records["memory"] = first_estimated_memory(controller, estimator)
+        records["memory"] = first_estimated_memory(controller, estimator, late)
     return records
 
 
@@ -265,9 +306,11 @@ def _reference_inputs(par: Dataclass, joints: int) -> dict[str, Any]:
     }
 
 
-def _trace_step(controller: Controller, records: dict[str, Any], estimator: ErrorStateFilter | None) -> Program:
+def _trace_step(
+    controller: Controller, records: dict[str, Any], estimator: ErrorStateFilter | None, late: tuple[int, int]
+) -> Program:
     if estimator is not None:
-        return trace(estimated_law(controller), *records.values())
+        return trace(estimated_law(controller, late), *records.values())
     law = checked_law(controller)
 
     def step(constants: Constants, measurement: Measurement, reference: Reference, memory: Any) -> tuple[Any, Command]:
@@ -290,7 +333,8 @@ def _structs(
     command = Command(rotor_speeds=(0.0,) * len(vehicle.rotors), efforts=vehicle.zeros, tilts=angles)
     units = {"command": command_units(vehicle)}
     if behind_filter:
-        units["memory"] = command_units(vehicle, "sent")
+        places = [("sent",), *(("underway", str(i)) for i in range(len(records["memory"].underway)))]
+        units["memory"] = {key: each for place in places for key, each in command_units(vehicle, *place).items()}
     structs = {}
     for key, record in (records | {"command": command}).items():
         # measurement, reference and command have the same members in every law of a vehicle
@@ -329,7 +373,14 @@ def _member(path: Place) -> str:
     return text if text[:1].isalpha() else f"value{text}"
 
 
-def _header(controller: Controller, file: StepFile, period: float, operations: int, generator: str) -> list[str]:
+def _header(
+    controller: Controller,
+    file: StepFile,
+    period: float,
+    operations: int,
+    generator: str,
+    estimator: ErrorStateFilter | None,
+) -> list[str]:
     """Opening comment of the C file: purpose, law, vehicle, conventions and how to compile."""
     name, vehicle = file.name, controller.par.model.vehicle
     step = controller.law.func if isinstance(controller.law, partial) else controller.law
@@ -339,6 +390,7 @@ def _header(controller: Controller, file: StepFile, period: float, operations: i
     clocked = any(member.name == "period" for member in file.structs["parameters"].members)
     return [
         f"{name}: controller '{controller.name}' for the vehicle '{vehicle.name}'.",
+        *_filter_lines(estimator),
         f"Generated by {generator}: change the law or the vehicle and export again, do not edit.",
         "",
         *(
@@ -364,13 +416,36 @@ def _header(controller: Controller, file: StepFile, period: float, operations: i
         f"Call {name}_step once every {period:g} s{'' if clocked else ' or at another rate: this law has no clock'}.",
         *_preview_lines(controller),
         *_carry_lines(controller),
-        "A NaN that the law reads reaches the command: check the command before an actuator gets it.",
+        *([NAN] if estimator is None else NAN_BEHIND_FILTER),
         f"{operations} operations in {file.floats.kind}; nothing is allocated, nothing is global but constants.",
         "",
         f"  cc -std=c99 -O2 -c {name}.c        (link with -lm)",
         "",
         "Doubles have the bits of the law in Python: GCC, clang and MSVC are told not to contract a * b + c.",
         f"For the declarations alone: #define {name.upper()}_INTERFACE_ONLY, then #include this file.",
+    ]
+
+
+NAN = "A NaN that the law reads reaches the command: check the command before an actuator gets it."
+
+NAN_BEHIND_FILTER = (
+    "The filter refuses an aiding reading that is NaN, and goes on without it: the command stays finite. Watch memory:",
+    "estimate_taken must grow, estimate_refused hardly, the diagonal of estimate_covariance_... must stay small.",
+    "A NaN of another reading stays: check the command before an actuator gets it; begin with the first memory again.",
+)
+"""Comment lines in the C file on NaN, of a law alone and of a law with its estimator."""
+
+
+def _filter_lines(estimator: ErrorStateFilter | None) -> list[str]:
+    """Comment lines in the C file on the readings that its estimator takes."""
+    if estimator is None:
+        return []
+    return [
+        f"The law receives the estimate of an error-state filter: {estimator.aiding}, inertial unit.",
+        "Readings: one clock for all time stamps, s, above 0; a stamp is the instant at which the sensor measured.",
+        "Where no new reading came, repeat the old one with its stamp. The filter starts at the first call in which",
+        "every stamp is above 0 and the quaternion of a pose has length 1; until then the command is that of the first",
+        "memory, a hover. So call first when every sensor has given a reading.",
     ]
 
 

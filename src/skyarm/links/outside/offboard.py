@@ -127,8 +127,8 @@ def require_outside(scenario: Scenario) -> None:
     """Raise an error for a scenario that cannot be flown outside the simulator.
 
     Raises:
-        ScenarioError: an autopilot in the law's place, rotors that tilt, phases that wait, a time-scaled reference, or
-            a law that needs a force sensor.
+        ScenarioError: an autopilot in the law's place, rotors that tilt, phases that wait, a time-scaled reference,
+            scheduled changes of model, law or reference, or a law that needs a force sensor.
     """
     name, vehicle = scenario.agent.controller.name, scenario.agent.model.vehicle
     if autopilot_of(scenario.agent.controller) is not None:
@@ -141,6 +141,13 @@ def require_outside(scenario: Scenario) -> None:
         raise ScenarioError("reference: must have no phases that wait for conditions, outside of the simulator")
     if scenario.agent.path_time is not None:
         raise ScenarioError("path_time: must be left out, outside of the simulator")
+    for change in scenario.changes:
+        # behind agents.NAME too
+        if {"model", "controller", "reference"} & {*change.path.split(".")[:3:2]}:
+            raise ScenarioError(
+                f"changes: {change.path} at {change.at:g} s: must be left out, outside of the simulator "
+                "(of a payload: believed = false)"
+            )
 
 
 @contextlib.contextmanager
