@@ -55,6 +55,27 @@ def test_a_study_is_flown_continued_and_summed_up(folder: Path) -> None:
     assert (found["schema"], found["episodes"], found["limits"]) == (1, 24, {"position_error_mean": 0.5})
 
 
+def test_limits_are_those_of_the_file_that_is_named_and_an_option_adds_to_them(folder: Path) -> None:
+    strict = STUDY + "[success]\nposition_error_mean = 1e-6\n"
+    (folder / "study.toml").write_text(strict)
+    first = skyarm("sweep", "study.toml", "--out", "my dir")
+    assert "next: skyarm sweep 'my dir'" in first.out
+    skyarm("sweep", "my dir", "--success", "position_error_max=100")
+    found = json.loads((folder / "my dir" / "stats" / "stats.json").read_text())
+    assert found["limits"] == {"position_error_mean": 1e-6, "position_error_max": 100.0}
+    twice = ("--success", "position_error_mean=1", "--success", "position_error_mean=2")
+    refused(skyarm("sweep", "my dir", *twice), "--success = 'position_error_mean=2': must name each metric once")
+    saved = skyarm("sweep", "study.toml", "--out", "my dir", "--save", "failed")
+    assert "skyarm run 'my dir/episode_0_paper_ct.toml'" in saved.out
+    (folder / "study.toml").write_text(strict.replace("1e-6", "100.0"))
+    refused(skyarm("sweep", "study.toml", "--out", "my dir", "--save", "failed"), "--save = ")
+
+
+def test_a_folder_with_the_name_of_a_shipped_study_is_summed_up_by_its_path(folder: Path) -> None:
+    done = skyarm("sweep", "study.toml", "--out", "robustness")
+    assert "next: skyarm sweep ./robustness" in done.out
+
+
 def test_wrong_input_is_one_line_and_flies_nothing(folder: Path) -> None:
     refused(skyarm("sweep", "nothing"), "study = 'nothing'", "shipped studies are carrying, robustness")
     refused(skyarm("sweep", "study.toml", "--workers", "-1"), "--workers = -1", "from 0 to 10000")

@@ -59,6 +59,12 @@ def flat(outcome):
     return np.stack([*parts, outcome.end_time, *outcome.metrics.values()])
 
 
+def test_without_a_seed_the_noise_is_the_scenarios(exact):
+    values = numbers(exact, 3)
+    own, other = flat(exact.fly(values)), flat(exact.fly(values, seed=0))
+    assert own.tobytes() == flat(exact.fly(values, seed=5)).tobytes() != other.tobytes()
+
+
 def test_every_lane_is_the_single_flight_of_its_numbers(scenario, exact):
     values = numbers(exact, 11)
     outcome = exact.fly(values, seed=5)

@@ -10,7 +10,7 @@ import pytest
 import skyarm
 from skyarm.control.law_estimates import lags_found
 from skyarm.control.safety import with_safety_layer
-from skyarm.log.flight_summary import sentences
+from skyarm.log.flight_summary import facts, sentences
 from skyarm.simulate.loop import run_in_python
 from skyarm.studies.trial.trial import NOISE
 
@@ -58,8 +58,9 @@ def test_it_is_what_the_law_holds_until_another_takes_over(scenario, log):
     assert found.shape == (30, 2)
     assert np.array_equal(found[:20], log.lag_found[:20])
     assert found[19].any()
-    # a law that finds none leaves none
-    assert not found[20:].any()
+    # a law that finds none leaves none, and no lag of 0 s
+    assert np.isnan(found[20:]).all()
+    assert facts(session.log)["lag_found_s"] == pytest.approx(found[19])
 
 
 @pytest.mark.thorough

@@ -87,3 +87,20 @@ def test_what_is_no_log_or_no_law_is_one_line(log: Any, tmp_path: Path) -> None:
         assert "\n" not in str(caught.value)
     with pytest.raises(skyarm.ScenarioError, match="did you mean 'indi'"):
         skyarm.replay(log, "ind")
+
+
+@pytest.mark.parametrize("changed", [False, True])
+def test_a_flight_by_commands_from_outside_is_not_replayed_in_silence(changed: bool, tmp_path: Path) -> None:
+    session = skyarm.Session(dataclasses.replace(SCENARIO, changes=SCENARIO.changes[:1] if changed else ()))
+    session.step(rotors=[450.0] * 4)
+    while session.running:
+        session.step()
+    assert session.log.info["commanded"] is True
+    file = session.log.save_npz(tmp_path / "flight.npz")
+    for again in (skyarm.replay, skyarm.load_scenario):
+        with pytest.warns(UserWarning, match="was flown by commands from outside, which no log keeps"):
+            again(file)
+
+
+def test_a_flight_of_its_law_has_no_such_mark(log: Any) -> None:
+    assert "commanded" not in log.info

@@ -139,6 +139,7 @@ def compare(
     elif (suite.endswith(".toml") and Path(suite).is_file()) or suite in shipped_names("scenario"):
         # two names of one law are refused with its plan, where "own" does not count
         law_names([name for name in names if name != OWN])
+        options = {word: value for word, value in options.items() if is_given(context, word)}
         options |= {"seeds": seeds, "laws": names or USUAL_LAWS}
         names = []
     else:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shlex
 from pathlib import Path
 from typing import Annotated
 
@@ -80,7 +81,7 @@ def plan(
                 tell(*faults, f"no scenario: skyarm check finds what cannot be flown; {flight} is not written")
                 raise typer.Exit(DIFFERENT)
             write_atomically(flight, scenario_text(document).encode())
-            tell(f"scenario: {flight}; fly it by: skyarm run {flight}")
+            tell(f"scenario: {flight}; fly it by: skyarm run {shlex.quote(str(flight))}")
 
 
 def _faults(document: dict[str, Entry], folder: Path) -> list[str]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 import time
 import warnings
 from collections.abc import Sequence
@@ -124,7 +125,7 @@ def _save_episodes(study: str, controllers: list[str] | None, out: str | None, e
             raise StudyError(f"--save = {shown(which)}: {must_be_one_of(named, which)}, or a number")
         if which.isdecimal() and (len(which) > LONGEST_NUMBER or int(which) >= loaded.episodes):
             raise StudyError(f"--save = {shown(which)}: must be less than {loaded.episodes}, the episodes of {study}")
-    rows = None if all(each.isdecimal() for each in episodes) else Rows(folder)
+    rows = None if all(each.isdecimal() for each in episodes) else Rows(folder, loaded.success)
     if rows is not None and not rows.manifest.is_of(prepare(loaded).manifest):
         raise StudyError(f"{folder}: holds rows of another study than {study}; choose its --out")
     names, meant = file_names(loaded.scenarios, "", ".toml"), list[tuple[str, int]]()
@@ -146,7 +147,7 @@ def _save_episodes(study: str, controllers: list[str] | None, out: str | None, e
         file = folder / f"episode_{episode}_{names[label]}"
         with edits_kept(file):
             files.append(save_episode(file, loaded, label, episode))
-    tell(*(f"skyarm run {file}" for file in files))
+    tell(*(f"skyarm run {shlex.quote(str(file))}" for file in files))
     give(study=loaded.name, folder=folder, files=files)
 
 
@@ -180,7 +181,7 @@ def _fly(
     tell(
         f"{summary.rows} flights in {folder}: {loaded.episodes} episodes under {', '.join(loaded.scenarios)}; "
         f"{flights} flown in {summary.seconds:.1f} s{stored}",
-        f"next: skyarm sweep {folder}",
+        f"next: skyarm sweep {_argument(folder)}",
     )
     give(
         study=loaded.name,
@@ -194,12 +195,19 @@ def _fly(
     )
 
 
+def _argument(folder: Path) -> str:
+    """Folder as an argument of the command, whose shipped studies go before folders of their names."""
+    return shlex.quote(f"./{folder}" if str(folder) in shipped_names("study") else str(folder))
+
+
 def _sum_up(folder: str, out: str | None, success: list[str] | None, paths: tuple[str, str] | None) -> None:
     """Compute statistics of a sweep's episodes, and write them as JSON and HTML."""
     from skyarm.studies.sweep.maps import robustness_maps
     from skyarm.studies.sweep.stats import Rows, page, parse_limits, statistics, summary
 
-    rows = Rows(Path(folder), parse_limits(success) if success else None)
+    rows = Rows(Path(folder))
+    if success:
+        rows = Rows(Path(folder), rows.limits | parse_limits(success))
     with bar(f"statistics of {folder}"):
         maps = robustness_maps(rows, paths)
         target = require_writable(require_no_link(Path(folder) / "stats") if out is None else out)

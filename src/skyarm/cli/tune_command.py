@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shlex
 import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -120,12 +121,13 @@ def tune(
         say(f"margins are not asked for: {tuning.pick.margins.why_none}")
     if not tuning.meets:
         say("no point meets all constraints; the pick is the one that is least short of them")
-    loads = f" --plugin {inputs.label.rpartition(':')[0]}" if is_law_of_file(inputs.label) else ""
-    flown = target if inputs.has_motion else "SCENARIO"
+    plugin = shlex.quote(inputs.label.rpartition(":")[0])
+    loads = f" --plugin {plugin}" if is_law_of_file(inputs.label) else ""
+    flown = shlex.quote(str(target)) if inputs.has_motion else "SCENARIO"
     tell(
         f"written: {gains or best or 'no scenario'}; the page of the front: {folder / PAGE}",
-        *([] if gains is None else [f"next: skyarm run {flown}{loads} --laws {gains}"]),
-        *([] if best is None else [f"the scenario under them, with all digits: skyarm run {best}"]),
+        *([] if gains is None else [f"next: skyarm run {flown}{loads} --laws {shlex.quote(str(gains))}"]),
+        *([] if best is None else [f"the scenario under them, with all digits: skyarm run {shlex.quote(str(best))}"]),
     )
     give(plain_tuning(tuning), **plugin_facts(), folder=folder, gains=gains, page=folder / PAGE, best=best)
     if not tuning.meets:

@@ -9,6 +9,7 @@ from __future__ import annotations
 import inspect
 import math
 import os
+import shlex
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
@@ -236,7 +237,7 @@ def design(
         tell_report(design_lines(designed, start.name, limits.seconds))
         if written is not None:
             write_atomically(written, designed.text().encode())
-            tell(f"written: {written}", f"next: skyarm run {written}")
+            tell(f"written: {written}", f"next: skyarm run {shlex.quote(str(written))}")
         give(numbers=design_facts(designed), vehicle=start.name, file=written)
 
 

@@ -81,7 +81,8 @@ class Log:
         info: scenario, seeds, versions, status ("completed", "diverged", "joint_limit", "ground",
             "controller_undefined", "rotor_contact", "body_contact", "clearance", "phase_failed"), cause, end time;
             ``scenario_record`` is all that was flown as plain data, and ``digest`` its SHA-256: logs of one digest,
-            and of the same versions, are of the same flight (:attr:`scenario` reads it back). ``plugins`` were loaded;
+            and of the same versions, are of the same flight (:attr:`scenario` reads it back), but where ``commanded``
+            is true: commands from outside took the law's place, and no log keeps them. ``plugins`` were loaded;
             ``code`` are the files of user code that flew, by name and SHA-256, which are part of the digest.
             ``phases`` are the kinds of the phases of a task that waits; ``received`` describes readings and estimate.
     """

@@ -70,8 +70,9 @@ def facts(log: Log) -> Facts:
     errors = {what: summary(error) for what, error in error_norms(log).items()}
     values |= {"steady_window_s": [steady.start, steady.stop], "errors_continuous": errors}
     values |= _finite(score(log, COMMANDS)) | {"peak_thrust": _peak_thrust(log)} | asdict(log.shortfall)
-    if log.lag_found.size:
-        values["lag_found_s"] = log.lag_found[-1]
+    # a law that a change put in its place may estimate none
+    if len(found := log.lag_found[np.isfinite(log.lag_found).all(axis=1)] if log.lag_found.size else ()):
+        values["lag_found_s"] = found[-1]
     values |= {name: rows for name, rows in (("contacts", _contacts(log)), ("mechanisms", _mechanisms(log))) if rows}
     if log.component("gripper_taken").size:
         values["grasps"] = [asdict(each) for each in log.grasp_periods]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import warnings
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from functools import cache, lru_cache
@@ -69,6 +70,13 @@ def restore_written(info: Info, written: Plain) -> Any:
 def _restore_text(text: str) -> Any:
     """Restore a dataclass from JSON text of its plain data and of the plugins of then; most are read repeatedly."""
     return restore(*json.loads(text))
+
+
+def warn_of_commands(info: Info) -> None:
+    """Warn that the flight of a log that is flown again had commands from outside in place of its law's."""
+    if info.get("commanded"):
+        words = "was flown by commands from outside, which no log keeps; its law flies in their place"
+        warnings.warn(f"the log of {shown(info.get('scenario'))} {words}", stacklevel=3)
 
 
 def flown_scenario(info: Info, replaced: Mapping[str, object]) -> Any:

@@ -81,7 +81,7 @@ class ArrayFile:
 def join(parts: Sequence[Mapping[str, Array]]) -> ArraysByName:
     """Arrays of successive parts of a flight as one, joined at every access.
 
-    Parts may lack arrays: readings and measurements are NaN there, others 0; path time is the flight's.
+    Parts may lack arrays: readings, measurements and estimates are NaN there, others 0; path time is the flight's.
     """
     ends = [*accumulate(len(part["time"]) for part in parts)]
 
@@ -90,7 +90,8 @@ def join(parts: Sequence[Mapping[str, Array]]) -> ArraysByName:
             return part[name if name in part else "time"]
         like = next(each[name] for each in parts if name in each)
         readings = "." in name and not name.startswith(f"{COMPONENTS}.")
-        none = np.nan if readings or name.startswith("measured_") else 0.0
+        estimate = name.startswith("measured_") or name.endswith(("_found", "_deviation"))
+        none = np.nan if readings or estimate else 0.0
         return np.full((len(part["time"]), *like.shape[1:]), none)
 
     def read(name: str, chosen: slice = slice(None)) -> Array:

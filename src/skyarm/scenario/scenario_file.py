@@ -161,12 +161,15 @@ def kind_of_file(name: str) -> str:
 
 def _scenario_of_log(path: str, given: Mapping[str, Any]) -> Scenario:
     """Load the scenario stored in a log file, with some values replaced."""
+    from skyarm.log.flown_scenario import warn_of_commands
     from skyarm.log.formats import load_log
 
     try:
         if reason := unreadable(Path(path)):
             raise ValueError(reason)
-        scenario: Scenario = load_log(path).scenario_with(_by_path(given))
+        log = load_log(path)
+        warn_of_commands(log.info)
+        scenario: Scenario = log.scenario_with(_by_path(given))
         return under_law(scenario, given["controller"]) if "controller" in given else scenario
     except (ValueError, OSError, AllocationError) as error:
         words = str(error).removeprefix(f"log = {shown(path)}: ")

@@ -160,13 +160,13 @@ class Batch:
         """Do nothing: a batch holds no resources that have to be released."""
 
     def fly(
-        self, values: Mapping[str, Array], *, seed: int = 0, episodes: Array | None = None, threads: int = 1
+        self, values: Mapping[str, Array], *, seed: int | None = None, episodes: Array | None = None, threads: int = 1
     ) -> Outcome:
         """Simulate one flight per SIMD lane, with that lane's parameter values, and return the results of all flights.
 
         Args:
             values: path -> (lanes,); every path of the batch. A number that a change in flight sets wins from then on.
-            seed: key of the noise.
+            seed: key of the noise; that of the scenario if left out.
             episodes: (lanes,) further keys of the noise; lane k is episode k if left out.
             threads: results do not depend on it.
 
@@ -174,6 +174,7 @@ class Batch:
             ScenarioError: columns that do not fit, or a number that the scenario does not take: one line.
         """
         require_count("threads", threads)
+        seed = self.scenario.seed if seed is None else seed
         columns, count = lane_columns(self.scenario, self.paths, values, episodes)
         noise_key("seed", seed)
         named = dict(zip(self.paths, columns, strict=True))

@@ -14,6 +14,7 @@ from typing import Any
 from skyarm.compile.machine_code import SlowFlightWarning
 from skyarm.control.controller import Controller
 from skyarm.log.flight_log import Log
+from skyarm.log.flown_scenario import warn_of_commands
 from skyarm.log.formats import as_log, require_format, save_log
 from skyarm.log.stored_arrays import ArrayFile
 from skyarm.records.files import PathLike, errors_as, output_file, shown
@@ -198,6 +199,7 @@ def scenario_to_replay(log: Log, controller: str | Controller | None = None) -> 
     Raises:
         ScenarioError: one line.
     """
+    warn_of_commands(log.info)
     with errors_as(ScenarioError):
         scenario: Scenario = log.scenario
         if controller is None:

@@ -336,7 +336,10 @@ class Session:
         if self.running:  # it goes on to write where it has logged
             piece = replace(piece, flown=engine.samples(engine.begun, engine.tick, kept=True))
         pieces = (*self._course.flown, piece)
-        return join_pieces(self.plan, pieces, engine.ended or running_status(self._course.now, engine.tick))
+        log = join_pieces(self.plan, pieces, engine.ended or running_status(self._course.now, engine.tick))
+        if engine.commanded:
+            log.info["commanded"] = True
+        return log
 
     @property
     def latest(self) -> Piece:

@@ -40,6 +40,22 @@ def test_the_laws_that_are_named_fly_and_the_own_one_first_if_it_is_named() -> N
     assert own.scenario().controller.name != named.scenario().controller.name
 
 
+def test_a_scenario_flies_on_its_own_plant_with_its_own_seed() -> None:
+    own = dataclasses.replace(load_scenario("case3"), seed=7, kind="mujoco")
+    suite = OwnScenario(scenario=own, laws=["own", "indi"])
+    for each in suite.plan_cells()[0]:
+        assert (each.scenario().kind, each.scenario().seed) == ("mujoco", 7)
+    assert suite.options == {"seed": 7, "plant": "mujoco"}
+    other = OwnScenario(scenario=own, laws=["indi"], plant="rigid_body", seed=0).plan_cells()[0][0].scenario()
+    assert (other.kind, other.seed) == ("rigid_body", 0)
+
+
+def test_a_folder_with_another_comparison_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "results.json").write_text('{"schema": 1, "suite": "case1"}')
+    with pytest.raises(ValueError, match="holds the comparison of 'case1'; must be another folder for 'case3'"):
+        fly_suite(OwnScenario(scenario="case3", laws=["own"]), tmp_path)
+
+
 def test_an_autopilot_with_the_file_s_own_options_flies_once(tmp_path: Path) -> None:
     text = (resources.files("skyarm.scenario") / "library" / "hover_swing.toml").read_text("utf-8")
     begin, end = text.index("[controller]"), text.index("[", text.index("[controller]") + 1)

@@ -305,7 +305,7 @@ def _sensor_topics(log: Log, chosen: Callable[[str, str], bool]) -> list[Topic]:
             topics.append(_reading("/estimate/base", fast, 0, source, each, names))
             topics += _joints("/estimate/joints", fast, names, arrays)
         else:
-            topics.append(_reading(f"/sensors/{name}", each.every, each.late % each.every, source, each, names))
+            topics.append(_reading(f"/sensors/{name}", each.every, each.late, source, each, names))
     return topics
 
 

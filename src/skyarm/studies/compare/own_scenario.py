@@ -68,17 +68,24 @@ class OwnScenario(SummarySuite[GivenFlights]):
     Attributes:
         scenario: scenario, or its file, or the name of a shipped one.
         laws: controllers that fly, any controllers; "own" is the scenario's.
-        plant: kind of plant. seeds: flights of each law, if the scenario has noise or random parts; else one.
-        seed: seed of the noise.
+        plant: kind of plant; the scenario's if left out. seeds: flights of each law, if the scenario has noise or
+            random parts; else one.
+        seed: seed of the noise; the scenario's if left out.
     """
 
     scenario: Scenario | PathLike
     laws: Sequence[str] = LAWS
-    plant: str = "rigid_body"
+    plant: str | None = None
     seeds: int = 8
-    seed: int = 0
+    seed: int | None = None
 
     file = "results"
+
+    @property
+    def options(self) -> Document:
+        """Kind of plant and seed of the flights."""
+        own = as_scenario(self.scenario)
+        return {"seed": own.seed if self.seed is None else self.seed, "plant": self.plant or own.kind}
 
     @property
     def name(self) -> str:  # type: ignore[override]
@@ -105,13 +112,14 @@ class OwnScenario(SummarySuite[GivenFlights]):
                     raise
                 refused[name] = str(error)
         named = [name for name in named if name not in refused]
-        own = as_scenario(self.scenario).with_kind(self.plant)
+        options = self.options
+        own = as_scenario(self.scenario).with_kind(options["plant"])
         case = Case(name=own.name, title=own.title, scenario=own.name)
         title = "the scenario as its file describes it"
         episodes = self.seeds if has_chance(own) else 1
         condition = Condition(name=AS_GIVEN, title=title, noisy=False, episodes=episodes, cases=(own.name,))
-        options: Document = {"case": case, "condition": condition, "given": self.scenario} | self.options
-        same = [n for n in named if identity(own) == identity(as_scenario(self.scenario, n).with_kind(self.plant))]
+        options |= {"case": case, "condition": condition, "given": self.scenario}
+        same = [n for n in named if identity(own) == identity(as_scenario(self.scenario, n).with_kind(own.kind))]
         if tuple(self.laws) == LAWS:  # of these none was asked for by its name
             named = [name for name in named if name not in same]
         twice = own.autopilot is not None and own.agent.controller.name in same

@@ -10,12 +10,12 @@ import json
 import warnings
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
-from contextlib import nullcontext
+from contextlib import nullcontext, suppress
 from pathlib import Path
 from typing import ClassVar, Generic, TypeVar
 
 from skyarm.compile.llvm.kernel import require_machine_code
-from skyarm.records.files import PathLike, needs_extra, require_writable, taken_back, write_atomically
+from skyarm.records.files import PathLike, needs_extra, require_writable, shown, taken_back, write_atomically
 from skyarm.records.registry.plugins import identities
 from skyarm.studies.compare.cell_flights import NAMES, Cell, CellFlights, Document, Record, table
 from skyarm.studies.flights import Crew, Store
@@ -100,6 +100,7 @@ def fly_suite(
         raise ValueError(words or "--only: must name trials that the vehicle flies")
     folder = Path(out)
     with taken_back(folder, folder / ROWS):
+        _require_same(suite, folder)
         store = open_store(require_writable(out))
         with store.alone() if store else nullcontext():
             cells, flown = dict[str, Cell](), dict[str, bytes]()
@@ -120,6 +121,16 @@ def fly_suite(
                 ]
                 write_atomically(folder / "flights.parquet", concatenate(columns))
     return document
+
+
+def _require_same(suite: Suite[F], folder: Path) -> None:
+    """Refuse a folder with the report of another benchmark, which this one's would replace."""
+    there = suite.name
+    with suppress(ValueError, AttributeError, OSError):  # it is no report
+        there = json.loads((folder / f"{suite.file}.json").read_text("utf-8"))["suite"]
+    if there != suite.name:
+        words = f"holds the comparison of {shown(there)}; must be another folder for {shown(suite.name)}"
+        raise ValueError(f"--out = {shown(str(folder))}: {words}")
 
 
 def open_store(folder: Path) -> Store | None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import bisect
 import itertools
 import math
+import shlex
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
@@ -230,10 +231,12 @@ class Fleet(Clock):
             plan = flight.session.plan
             try:
                 shortened = plan if self.planned else replace(plan, duration=seconds)
-                written.append(f"skyarm run {save_scenario(file, shortened, self.source, flight.law)}")
+                saved = save_scenario(file, shortened, self.source, flight.law)
+                written.append(f"skyarm run {shlex.quote(str(saved))}")
             except ScenarioError as error:
                 without.append(f"; no file of the scenario: {error}")
-                written.append(f"skyarm run {log}" + ("" if self.planned else f" --duration {seconds:g}"))
+                duration = "" if self.planned else f" --duration {seconds:g}"
+                written.append(f"skyarm run {shlex.quote(str(log))}{duration}")
         return "saved; fly it again: " + ", ".join(written) + "".join(without)
 
 
