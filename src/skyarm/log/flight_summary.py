@@ -71,8 +71,9 @@ def facts(log: Log) -> Facts:
     values |= {"steady_window_s": [steady.start, steady.stop], "errors_continuous": errors}
     values |= _finite(score(log, COMMANDS)) | {"peak_thrust": _peak_thrust(log)} | asdict(log.shortfall)
     # a law that a change put in its place may estimate none
-    if len(found := log.lag_found[np.isfinite(log.lag_found).all(axis=1)] if log.lag_found.size else ()):
-        values["lag_found_s"] = found[-1]
+    rows = [row for row in log.lag_found if np.isfinite(row).all()]
+    if rows:
+        values["lag_found_s"] = rows[-1]
     values |= {name: rows for name, rows in (("contacts", _contacts(log)), ("mechanisms", _mechanisms(log))) if rows}
     if log.component("gripper_taken").size:
         values["grasps"] = [asdict(each) for each in log.grasp_periods]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from functools import cached_property
-from typing import NamedTuple, cast
+from typing import NamedTuple
 
 from skyarm.algebra import Scalar, Scalars, Vec3
 from skyarm.algebra.scalars import clip, data, divide, floor, logical_and, maximum, minimum, where
@@ -84,14 +84,15 @@ def hold(
 
     there = around.with_coupled(now[1])
     motions, steps = there.motions(worlds, now[0]), float(count.near)
-    vehicles, usual = [each.vehicle for each in worlds], cast("Scalar", steps)
+    vehicles = [each.vehicle for each in worlds]
+    usual: Scalar = steps
     if count.slack:
         rate = friction_bound(vehicles, count.mobile)
         if not concrete(rate):
             # the friction of this flight; a hit below needs as many times more steps as it does in a flight alone
             largest = VERLET_FRICTION_STEP if count.verlet else FRICTION_STEP
             usual = clip(-floor(1e-9 - seconds * rate / largest), float(count.slack), steps)
-    finer = usual
+    finer: Scalar = usual
     if count.most > 1:
         memories, more = there.hurry(motions, seconds)
         now, finer = (now[0], memories), -floor(-usual * more)
