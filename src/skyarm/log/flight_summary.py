@@ -70,10 +70,10 @@ def facts(log: Log) -> Facts:
     errors = {what: summary(error) for what, error in error_norms(log).items()}
     values |= {"steady_window_s": [steady.start, steady.stop], "errors_continuous": errors}
     values |= _finite(score(log, COMMANDS)) | {"peak_thrust": _peak_thrust(log)} | asdict(log.shortfall)
-    # a law that a change put in its place may estimate none
-    rows = [row for row in log.lag_found if np.isfinite(row).all()]
-    if rows:
-        values["lag_found_s"] = rows[-1]
+    if (found := log.lag_found).size:
+        # a law that a change put in its place may estimate none
+        known = np.flatnonzero(np.isfinite(found).all(axis=1))
+        values["lag_found_s"] = found[known[-1]]
     values |= {name: rows for name, rows in (("contacts", _contacts(log)), ("mechanisms", _mechanisms(log))) if rows}
     if log.component("gripper_taken").size:
         values["grasps"] = [asdict(each) for each in log.grasp_periods]

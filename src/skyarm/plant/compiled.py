@@ -90,8 +90,8 @@ def hold(
         rate = friction_bound(vehicles, count.mobile)
         if not concrete(rate):
             # the friction of this flight; a hit below needs as many times more steps as it does in a flight alone
-            largest = VERLET_FRICTION_STEP if count.verlet else FRICTION_STEP
-            usual = clip(-floor(1e-9 - seconds * rate / largest), float(count.slack), steps)
+            step_rate = VERLET_FRICTION_STEP if count.verlet else FRICTION_STEP
+            usual = clip(-floor(1e-9 - seconds * rate / step_rate), float(count.slack), steps)
     finer: Scalar = usual
     if count.most > 1:
         memories, more = there.hurry(motions, seconds)
