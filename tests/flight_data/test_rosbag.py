@@ -537,7 +537,8 @@ def test_messages_of_px4_have_their_stamps_axes_and_order(tmp_path: Path) -> Non
     assert (read.inv() * (flip * q * flip)).magnitude().max() < 1e-6
     np.testing.assert_array_equal(found["rotor_commands"].values, sent["ActuatorMotors"][:, :4])
     np.testing.assert_array_equal(found["voltage"].values, sent["BatteryStatus"][:, :1])
-    assert found.notes == ()
+    said = "are shares of thrust, those of the signal only if THR_MDL_FAC is 0."
+    assert found.notes == (f"rotor_commands: of /fmu/out/ActuatorMotors {said}",)
     assert START * 1e-9 <= float(found.facts["start"]) < START * 1e-9 + 0.009
 
 
@@ -549,6 +550,65 @@ def test_a_mapping_of_the_stamps_of_px4_fits_what_it_leaves_to_the_format(tmp_pa
     found = load_flight(path, columns_from({"time": {"column": "timestamp", "unit": "us"}, "gyro": gyro}))
     np.testing.assert_array_equal(found["gyro"].values, sent["SensorCombined"][:, :3])
     np.testing.assert_allclose(found["gyro"].time, found["position"].time, atol=2e-6)
+
+
+def test_the_time_of_one_quantity_is_on_the_clock_of_the_others(tmp_path: Path) -> None:
+    from skyarm.flight_data.columns_file import columns_from
+
+    path, _ = px4_bag(tmp_path, np.random.default_rng(0))
+    gyro = {"topic": "/fmu/out/SensorCombined", "time": "timestamp", "columns": [f"gyro_rad[{k}]" for k in range(3)]}
+    found = load_flight(path, columns_from({"time": {"unit": "us"}, "gyro": gyro}))
+    np.testing.assert_allclose(found["gyro"].time, found["position"].time, atol=2e-6)
+    assert START * 1e-9 <= float(found.facts["start"]) < START * 1e-9 + 0.009
+
+
+def test_a_mean_of_px4_is_put_at_the_middle_of_its_span(tmp_path: Path) -> None:
+    """PX4's VehicleIMU::Publish stamps it with its last sample: 2 and 3 ms earlier here, 1 ms later in relation."""
+    from skyarm.flight_data.columns_file import columns_from
+
+    fields = "uint32 gyro_integral_dt\nint32 accelerometer_timestamp_relative\nuint32 accelerometer_integral_dt\n"
+    store, sent = get_typestore(Stores.ROS2_HUMBLE), []
+    texts = {"SensorCombined": OF_PX4["SensorCombined"] + fields, "BatteryStatus": OF_PX4["BatteryStatus"]}
+    for name, text in texts.items():
+        store.register(get_types_from_msg(text, f"px4_msgs/msg/{name}"))
+    make, numbers = {name: store.types[f"px4_msgs/msg/{name}"] for name in texts}, np.ones(3, np.float32)
+    for k in range(12):
+        when, stamp = START + 10**7 * k, 30_000_000 + 10_000 * k
+        sent.append((when, "/fmu/out/a", make["SensorCombined"](stamp, numbers, numbers, 4000, 1000, 6000)))
+        sent.append((when, "/fmu/out/b", make["BatteryStatus"](stamp, 0.1 * k)))
+    path = write_rows(tmp_path, "mcap", store, sent)
+    found = load_flight(path)
+    for name, late in (("gyro", 0.0), ("accelerometer", 0.0), ("voltage", 0.002)):
+        np.testing.assert_allclose(found[name].time, late + 0.01 * np.arange(12), atol=1e-6)
+    # a column of a few tenths, 30 s after boot, is on no clock of the file, and counts from the first message
+    voltage = {"topic": "/fmu/out/b", "time": "voltage_v", "columns": ["voltage_v"]}
+    other = load_flight(path, columns_from({"time": {"unit": "s"}, "voltage": voltage}))
+    np.testing.assert_allclose(other["voltage"].time, 0.002 + 0.1 * np.arange(12), atol=1e-6)
+
+
+@pytest.mark.parametrize("reversible", [0, 1])
+def test_a_stopped_motor_has_no_share_and_one_of_both_ways_no_commands(reversible: int, tmp_path: Path) -> None:
+    """PX4's msg/ActuatorMotors.msg: NaN is disarmed; bits of reversible_flags mark motors whose shares have a sign."""
+    store, sent = get_typestore(Stores.ROS2_HUMBLE), []
+    texts = {
+        "ActuatorMotors": "uint64 timestamp\nuint16 reversible_flags\nfloat32[12] control\n",
+        "BatteryStatus": OF_PX4["BatteryStatus"],
+    }
+    for name, text in texts.items():
+        store.register(get_types_from_msg(text, f"px4_msgs/msg/{name}"))
+    make = {name: store.types[f"px4_msgs/msg/{name}"] for name in texts}
+    for k in range(12):
+        when, stamp = START + 10**7 * k, 30_000_000 + 10_000 * k
+        shares = np.array([0.25, 0.5, np.nan if k < 6 else 0.75, *9 * [np.nan]], np.float32)
+        sent.append((when, "/fmu/out/actuator_motors", make["ActuatorMotors"](stamp, reversible, shares)))
+        sent.append((when, "/fmu/out/battery_status", make["BatteryStatus"](stamp, 15.0)))
+    found = load_flight(write_rows(tmp_path, "mcap", store, sent))
+    if reversible:
+        assert "rotor_commands" not in found
+        assert "motors turn both ways (CA_R_REV)" in " ".join(found.notes)
+    else:
+        wanted = [[0.25, 0.5, 0.75 * (k > 5)] for k in range(12)]
+        np.testing.assert_array_equal(found["rotor_commands"].values, wanted)
 
 
 HEADER = "std_msgs/Header header\n"

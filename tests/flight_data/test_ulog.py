@@ -6,12 +6,13 @@ import math
 import struct
 import sys
 from collections.abc import Iterable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from skyarm.flight_data.clocks import align_poses
+from skyarm.flight_data.clocks import align_poses, clock_offset
 from skyarm.flight_data.flight_data import load_flight
 from skyarm.flight_data.ulog import NUMBER_OF_ROTORS
 
@@ -504,8 +505,13 @@ def test_a_published_log_has_the_numbers_of_pyulog_and_stands_upright() -> None:
         table = np.stack([given[f"{field}[{k}]"] for k in range(3)], axis=1)
         np.testing.assert_array_equal(flight[name].values, table * flip)
         np.testing.assert_allclose(
-            flight[name].time + flight.facts["start"], given["timestamp"] * 1e-6, rtol=0, atol=1e-6
+            flight[name].time + flight.facts["start"],
+            (given["timestamp"] - 0.5 * given[f"{name}_integral_dt"]) * 1e-6,
+            rtol=0,
+            atol=1e-6,
         )
+    # the estimator's attitude has the clock of its samples; of the stamps alone it seems to be 1.9 ms late
+    assert abs(clock_offset(flight, "quaternion").offset) < 5e-4
     motors, given = topics["actuator_motors", 0], flight["rotor_commands"]
     rows = np.searchsorted(motors["timestamp"], topics["actuator_outputs", 0]["timestamp"])
     wanted = np.stack([motors[f"control[{k}]"] for k in range(4)], axis=1)[
@@ -568,16 +574,111 @@ def test_a_number_that_is_taken_keeps_its_topic(tmp_path: Path) -> None:
 
 def test_stamps_of_a_recorder_that_takes_every_so_many_rows_stay() -> None:
     """PX4 stamps attitudes with the samples of the gyro, of which it logs every 12th or 13th: an even line is worse."""
-    aligned, clock = align_poses(load_flight(CUT))
+    flight = load_flight(CUT)
+    # to whole microseconds, the gyro at the end of the 4 ms of its mean: the rows that the attitude is stamped with
+    late = {"gyro": 0.002, "quaternion": 0.0}
+    stamped = {name: replace(flight[name], time=np.round(flight[name].time + late[name], 6)) for name in late}
+    assert np.isin(stamped["quaternion"].time, stamped["gyro"].time).all()
+    aligned, clock = align_poses(flight.with_channels(stamped))
     assert clock is not None
     assert "straightened" not in " ".join(aligned.notes)
 
 
-def test_the_time_of_a_mapping_is_that_of_what_it_maps(tmp_path: Path) -> None:
+def test_the_time_of_a_mapping_is_on_the_clock_of_the_rest_of_the_file(tmp_path: Path) -> None:
     (tmp_path / "columns.toml").write_text(
         '[time]\ncolumn = "timestamp"\nunit = "ms"\n[voltage]\ntopic = "battery_status"\ncolumns = ["voltage_v"]\n'
     )
-    rows = [combined(1_500_000), ("battery_status", (1_500, 15.0)), ("battery_status", (1_600, 15.0))]
+    rows = [combined(1_500_000), ("battery_status", (1_700, 15.0)), ("battery_status", (1_800, 15.0))]
     flight = load_flight(written(tmp_path, packed(rows)), tmp_path / "columns.toml")
-    np.testing.assert_allclose(flight["voltage"].time, [1.0, 1.1], atol=1e-9)
+    np.testing.assert_allclose(flight["voltage"].time, [0.2, 0.3], atol=1e-9)
     np.testing.assert_allclose(flight["gyro"].time, [0.0], atol=1e-9)
+
+
+def test_stamps_that_a_mapping_names_in_a_published_log_are_those_of_pyulog(tmp_path: Path) -> None:
+    (tmp_path / "columns.toml").write_text(
+        '[time]\nunit = "us"\n[gyro]\ntopic = "sensor_combined"\ntime = "timestamp"\n'
+        'columns = ["gyro_rad[0]", "gyro_rad[1]", "gyro_rad[2]"]\n'
+    )
+    flight = load_flight(CUT, tmp_path / "columns.toml")
+    given = next(each for each in pyulog.ULog(str(CUT)).data_list if each.name == "sensor_combined").data
+    for name, late in (("gyro", 0.0), ("accelerometer", 0.5e-6 * given["accelerometer_integral_dt"])):
+        stamps = given["timestamp"] * 1e-6 - late
+        np.testing.assert_allclose(flight[name].time + flight.facts["start"], stamps, rtol=0, atol=1e-6)
+
+
+@pytest.mark.parametrize(("kind", "letter", "unit"), [("uint32_t", "I", 1.0), ("float", "f", 1e-6)])
+def test_a_mean_over_a_span_is_put_at_the_middle_of_the_span(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, kind: str, letter: str, unit: float
+) -> None:
+    """PX4's VehicleIMU::Publish: imu.timestamp_sample = _gyro_timestamp_sample_last, delta_angle / delta_angle_dt.
+
+    The span is in us (msg/SensorCombined.msg), up to PX4 1.10 in s.
+    """
+    fields = f"{kind} gyro_integral_dt;{kind} accelerometer_integral_dt"
+    monkeypatch.setitem(FORMATS, "sensor_combined", f"{FORMATS['sensor_combined']};{fields}")
+    monkeypatch.setitem(PACKED, "sensor_combined", f"{PACKED['sensor_combined']}2{letter}")
+    spans = [value if unit == 1.0 else value * unit for value in (4000, 6000)]
+    rows = [(name, (*values, *spans)) for name, values in (combined(1_500_000 + 4000 * k) for k in range(5))]
+    flight = load_flight(written(tmp_path, packed([*rows, ("battery_status", (1_500_000, 15.0))])))
+    start = 1.5 + 1e-6 * (2000 - 3000) - flight.facts["start"]  # of the accelerometer, 2 ms after the gyro's stamp
+    np.testing.assert_allclose(flight["gyro"].time, 1.498 - flight.facts["start"] + 0.004 * np.arange(5), atol=1e-8)
+    np.testing.assert_allclose(flight["accelerometer"].time, start + 0.004 * np.arange(5), atol=1e-8)
+    np.testing.assert_allclose(flight["voltage"].time, [0.002], atol=1e-8)
+
+
+@pytest.mark.parametrize(("parameter", "flags"), [(0, 0), (2, 0), (0, 2)])
+def test_commands_of_motors_that_turn_both_ways_are_left_out(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, parameter: int, flags: int
+) -> None:
+    """PX4's FunctionMotors::updateValues remaps a share from [0, 1] to [-1, 1] only where the motor's bit is 0."""
+    monkeypatch.setitem(FORMATS, "actuator_motors", "uint64_t timestamp;float[4] control;uint16_t reversible_flags")
+    monkeypatch.setitem(PACKED, "actuator_motors", "<Q4fH")
+    rows = [combined(1_500_000), outputs(1_500_000, 1500), ("actuator_motors", (1_500_000, 0.5, 0, 0, 0, flags))]
+    flight = load_flight(written(tmp_path, packed(rows, {**PARAMETERS, "CA_R_REV": parameter})))
+    assert ("rotor_commands" in flight) == (not (parameter or flags))
+    assert ("motors turn both ways (CA_R_REV)" in " ".join(flight.notes)) == bool(parameter or flags)
+
+
+@pytest.mark.parametrize("motors", [False, True])
+def test_outputs_that_may_be_pulse_widths_of_servos_are_not_those_of_uavcan(tmp_path: Path, motors: bool) -> None:
+    """1..8191 of UAVCAN_EC_MIN, MAX by default; pulse widths of servos on the pins lie between."""
+    every = {"CA_ROTOR_COUNT": 2, "UAVCAN_EC_FUNC1": 101, "UAVCAN_EC_FUNC2": 102, "PWM_MAIN_FUNC1": 201}
+    rows = [combined(1_500_000), outputs(1_500_000, 1500, 1500), outputs(1_500_000, 4096, 2048, instance=1)]
+    rows += [("actuator_motors", (1_500_000, 0.5, 0.25, math.nan, math.nan))] * motors
+    flight = load_flight(written(tmp_path, packed(rows, every)))
+    said = (
+        "rotor_commands: actuator_outputs or actuator_outputs[1] may be that of UAVCAN_EC; a columns.toml may name one."
+    )
+    assert flight.notes == (() if motors else (said,))
+    if motors:
+        np.testing.assert_allclose(flight["rotor_commands"].values, [[0.5, 0.25]], atol=1e-6)
+    else:
+        assert "rotor_commands" not in flight
+
+
+@pytest.mark.parametrize(("ordering", "places"), [(0, (0, 1, 2, 3)), (1, (1, 2, 3, 0)), (2, (0, 2, 3, 1))])
+def test_motors_of_px4_before_functions_have_the_order_of_its_parameter(
+    tmp_path: Path, ordering: int, places: tuple[int, ...]
+) -> None:
+    """MixingOutput::reorderedMotorIndex of PX4 1.13: Betaflight 0..3 -> 1, 2, 3, 0; clockwise 0..3 -> 0, 2, 3, 1."""
+    signals, sent = np.array([0.1, 0.2, 0.3, 0.4]), np.zeros(4)
+    sent[[*places]] = 1100 + 800 * signals
+    rows = [combined(1_500_000), outputs(1_500_000, *sent)]
+    flight = load_flight(written(tmp_path, packed(rows, {**PARAMETERS, "MOT_ORDERING": ordering})))
+    np.testing.assert_allclose(flight["rotor_commands"].values, [signals], atol=1e-6)
+
+
+def test_a_speed_that_a_controller_reports_has_the_time_of_its_report(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Each esc[k].timestamp is its own (msg/EscReport.msg); speeds that rise evenly; the last one states no time."""
+    monkeypatch.setitem(FORMATS, "esc_report", "uint64_t timestamp;float esc_rpm;uint8_t actuator_function")
+    monkeypatch.setitem(PACKED, "esc_status", "<QB" + 4 * "QfB")
+    rows = [combined(1_500_000)]
+    for stamp in range(1_500_000, 2_000_000, 50_000):
+        reports = [(stamp - late, (stamp - late) / 1000, 0) for late in (0, 10_000, 45_000)]
+        rows.append(("esc_status", (stamp, 4, *(each for report in reports for each in report), 0, stamp / 1000, 0)))
+    flight = load_flight(written(tmp_path, packed(rows)))
+    read, wanted = flight["rotor_speeds"], np.arange(1500.0, 2000.0, 50.0)[:-1, None] * np.pi / 30
+    np.testing.assert_allclose(read.time, 0.05 * np.arange(10), atol=1e-9)
+    np.testing.assert_allclose(read.values[:-1], np.tile(wanted, 4), rtol=1e-6)

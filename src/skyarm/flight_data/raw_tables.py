@@ -47,11 +47,13 @@ class RawTable:
         columns: numbers (N,) by name; a row without one holds NaN.
         time: (N,) s since ``origin`` of the flight; empty where only a mapping knows the time.
         received: (N,) s, times of arrival, where they differ.
+        origin: s, time 0 of ``time`` on the clock of the columns that hold times.
     """
 
     columns: Mapping[str, Array]
     time: Array
     received: Array | None = None
+    origin: float = 0.0
 
     def has(self, *names: str) -> bool:
         """True if the table has all given columns; a leading minus in a name is ignored."""
@@ -283,7 +285,9 @@ def _time(name: str, signal: QuantitySource, table: RawTable, columns: Columns) 
         place = f"{name}.time" if signal.time else "time.column"
         raise ValueError(f"{columns.file}: {place} = {shown(column)}: {must_be_one_of(table.columns, column)}")
     if column:
-        return table.numbers(column) * TIMES[columns.time_unit or "s"]
+        time = table.numbers(column) * TIMES[columns.time_unit or "s"]
+        # times that all lie a second before the origin are of another clock, as since the start of a program
+        return time - table.origin if (time > table.origin - 1.0).any() else time
     if not table.time.size:
         raise ValueError(f"{columns.file}: time.column: is missing; there are {comma_list(list(table.columns))}")
     return table.received if signal.stamp == "receive" and table.received is not None else table.time
@@ -349,6 +353,29 @@ def valid_rows(
     if lost:
         notes.append(f"{topic}: is not valid by {', '.join(lost)} of {table.time.size} rows, which are left out.")
     return replace(table, columns=columns)
+
+
+LATEST = 0.1
+"""Largest time (s) between a PX4 message and the sample that it is of for which the sample's own stamp counts."""
+
+BOTH_WAYS = "rotor_commands: are left out, as PX4's motors turn both ways (CA_R_REV); a columns.toml may map them."
+"""Note on motors whose signals have a sign."""
+
+
+def is_reversible(motors: RawTable) -> bool:
+    """True if PX4's ``actuator_motors`` mark a motor that turns both ways."""
+    return bool(motors.columns.get("reversible_flags", np.zeros(1)).any())
+
+
+def middle_of_mean(columns: Mapping[str, Array], sensor: str) -> Array:
+    """Time (us) from the stamp of PX4's ``sensor_combined`` to the middle of the span that a sensor's mean is of.
+
+    PX4's VehicleIMU publishes the integral over ``integral_dt`` divided by that span, at the stamp of its last sample.
+    """
+    span = columns.get(f"{sensor}_integral_dt", 0.0)
+    span = np.where(np.less(span, 1.0), np.multiply(span, 1e6), span)  # up to PX4 1.10 in s
+    after = columns.get(f"{sensor}_timestamp_relative", 0.0) - 0.5 * span
+    return np.where(np.abs(after) <= LATEST * 1e6, after, np.nan)  # a sensor without a reading has 2**31 - 1
 
 
 def alike_outputs(outputs: RawTable, names: Sequence[str], notes: list[str]) -> list[str]:

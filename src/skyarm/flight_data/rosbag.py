@@ -25,7 +25,16 @@ from skyarm.flight_data.clocks import POSE
 from skyarm.flight_data.columns_file import SOURCES, Columns, QuantitySource, usual_signals
 from skyarm.flight_data.flight_data import BAG_FOLDER, PLACE, FlightData, FlightFormat, choose_log
 from skyarm.flight_data.own_log import is_own_mcap, read_own_log
-from skyarm.flight_data.raw_tables import RawTable, alike_outputs, flight_of, shares_of, valid_rows
+from skyarm.flight_data.raw_tables import (
+    BOTH_WAYS,
+    RawTable,
+    alike_outputs,
+    flight_of,
+    is_reversible,
+    middle_of_mean,
+    shares_of,
+    valid_rows,
+)
 from skyarm.records.arrays import Array
 from skyarm.records.files import needs_extra
 from skyarm.records.files.messages import comma_list
@@ -77,6 +86,12 @@ CONVERT = "convert it by 'ros2 bag convert' to mcap where the package of that ty
 TYPES = {kind: usual_signals(each) for kind, each in SOURCES["ros"].items()}
 """Message type -> quantity -> its sources."""
 
+MOTORS = f"{PX4}msg/ActuatorMotors"
+"""Type of messages with PX4's shares of the motors' thrust."""
+
+OF_THRUST = "rotor_commands: of {} are shares of thrust, those of the signal only if THR_MDL_FAC is 0."
+"""Note on commands from a topic of that type."""
+
 LISTS: Mapping[str, Mapping[str, str]] = {
     "sensor_msgs/msg/JointState": {
         "joint_positions": "position[]",
@@ -85,7 +100,7 @@ LISTS: Mapping[str, Mapping[str, str]] = {
     },
     "mav_msgs/msg/Actuators": {"rotor_speeds": "angular_velocities[]"},
     "actuator_msgs/msg/Actuators": {"rotor_speeds": "velocity[]"},
-    "px4_msgs/msg/ActuatorMotors": {"rotor_commands": "control[]"},
+    MOTORS: {"rotor_commands": "control[]"},
     "mavros_msgs/msg/RCOut": {"rotor_commands": "channels[]"},
     "mavros_msgs/msg/ESCStatus": {"rotor_speeds": "esc_status[].rpm"},
     "mavros_msgs/msg/ESCTelemetry": {"rotor_speeds": "esc_telemetry[].rpm"},
@@ -131,8 +146,10 @@ def read_bag(path: Path, columns: Columns | None) -> FlightData:
     tables = {topic: _table(each, origin, of_px4=kinds[topic].startswith(PX4)) for topic, each in rows.items()}
     if of_px4 := {topic: each for topic, each in tables.items() if read.get(topic, "").startswith(PX4)}:
         delays = [np.min(each.received - each.time) for each in of_px4.values() if each.received is not None]
-        moved = origin * NANO if columns is not None and columns.time == STAMP else float(min(delays))
-        tables |= {topic: replace(each, time=each.time + moved) for topic, each in of_px4.items()}
+        moved = float(min(delays))
+        tables |= {
+            topic: replace(each, time=each.time + moved, origin=each.origin - moved) for topic, each in of_px4.items()
+        }
     for topic in (each for each in tables if read.get(each) == PLACES):
         tables[topic] = valid_rows(topic, tables[topic], notes)
     axes = MessageAxes(read, tables, {topic: each.frames for topic, each in rows.items()}, frozenset(mounts), notes)
@@ -310,9 +327,13 @@ def _table(rows: _Rows, origin: int, *, of_px4: bool = False) -> RawTable:
         stamps = np.where(stated == 0, received, stated)
     elif of_px4 and STAMP in columns:
         stamps = columns[STAMP] * 1e3
+        if "accelerometer_m_s2[0]" in columns:
+            columns["accelerometer_time"] = (columns[STAMP] + middle_of_mean(columns, "accelerometer")) * 1e-6
+            stamps = stamps + np.nan_to_num(middle_of_mean(columns, "gyro")) * 1e3
     order = np.argsort(stamps, kind="stable") if of_px4 else slice(None)  # as they were sent, not as they arrived
     time, arrival = ((each[order] - origin) * NANO for each in (stamps, received))
-    return RawTable(columns={name: each[order] for name, each in columns.items()}, time=time, received=arrival)
+    columns = {name: each[order] for name, each in columns.items()}
+    return RawTable(columns=columns, time=time, received=arrival, origin=origin * NANO)
 
 
 def _vehicles(kinds: Mapping[str, str]) -> tuple[Mapping[str, str], list[frozenset[str]]]:
@@ -356,6 +377,11 @@ def _usual(tables: dict[str, RawTable], kinds: Mapping[str, str], axes: MessageA
             there = [e for e in signals if _holds(table, e, name) or (kind.startswith(PX4) and table.has(*e.columns))]
             held = (axes.of(name, replace(each, topic=topic)) for each in there)
             sources.setdefault(name, []).extend(filter(None, held))
+        if kind == MOTORS:
+            axes.notes.append(BOTH_WAYS if is_reversible(table) else OF_THRUST.format(topic))
+            if is_reversible(table):
+                continue
+            tables[topic] = table = _motor_shares(table)
         for listed, place in LISTS.get(kind, {}).items():
             name = listed if measured else COMMANDS.get(listed, "")
             if name and (entries := _usual_entries(table, *place.split("[]"))):
@@ -405,6 +431,13 @@ def _signals(tables: dict[str, RawTable], source: QuantitySource, notes: list[st
     topic = SHARES.format(source.topic)
     tables[topic] = shares_of(pulses, rotors, 1000.0, 2000.0)
     return replace(source, columns=tuple(tables[topic].columns), topic=topic)
+
+
+def _motor_shares(motors: RawTable) -> RawTable:
+    """Shares of the motors' thrust, 0 of a motor that is stopped: NaN in some messages only."""
+    shares = {name: each for name, each in motors.columns.items() if name.startswith("control[")}
+    stopped = {name: np.nan_to_num(each) for name, each in shares.items() if np.isfinite(each).any()}
+    return replace(motors, columns={**motors.columns, **stopped})
 
 
 def _usual_entries(table: RawTable, begin: str, end: str = "") -> tuple[str, ...]:

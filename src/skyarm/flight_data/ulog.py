@@ -10,6 +10,7 @@ from __future__ import annotations
 import io
 import re
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -17,7 +18,16 @@ import numpy as np
 from skyarm.algebra.frames import to_our_axes
 from skyarm.flight_data.columns_file import SOURCES, Columns, QuantitySource, usual_signals
 from skyarm.flight_data.flight_data import PLACE, FlightData, FlightFormat
-from skyarm.flight_data.raw_tables import RawTable, flight_of, valid_rows
+from skyarm.flight_data.raw_tables import (
+    BOTH_WAYS,
+    LATEST,
+    RawTable,
+    flight_of,
+    is_reversible,
+    middle_of_mean,
+    rising_rows,
+    valid_rows,
+)
 from skyarm.flight_data.ulog_recovery import MAGIC, WholeMessages
 from skyarm.records.arrays import AnyArray, Array
 from skyarm.records.files import needs_extra
@@ -26,9 +36,6 @@ Parameters = Mapping[str, float]
 
 SECOND = 1e-6
 """Unit (s) of the stamps."""
-
-LATEST = 0.1
-"""Largest delay (s) from a sample to its message for which the sample's own stamp counts."""
 
 NUMBER_OF_ROTORS = {2: 4, 13: 6, 14: 8, 15: 3, 29: 12, 35: 10}
 """MAVLink's type of the vehicle (parameter MAV_TYPE) -> number of rotors."""
@@ -52,8 +59,11 @@ LIMITS: Mapping[str, tuple[float, float]] = {
 DSHOT, DSHOT_TIMER = 1999, -2.0
 """Full output of DShot; largest ``PWM_*_TIM*`` of a timer that sends it."""
 
+ORDERS: Mapping[float, tuple[int, ...]] = {1.0: (1, 2, 3, 0), 2.0: (0, 2, 3, 1)}
+"""MOT_ORDERING (Betaflight, clockwise) of PX4 up to 1.13 -> outputs of its first four motors."""
+
 KEPT = re.compile(
-    r"(SYS_AUTOSTART|MAV_TYPE|THR_MDL_FAC|DSHOT_(MIN|CONFIG)|CA_ROTOR.*"
+    r"(SYS_AUTOSTART|MAV_TYPE|THR_MDL_FAC|DSHOT_(MIN|CONFIG)|CA_(ROTOR.*|R_REV)|MOT_ORDERING"
     r"|(PWM_(MAIN_|AUX_)?|UAVCAN_EC_|SIM_GZ_EC_)(MIN|MAX|FUNC|TIM)\d*)"
 )
 """Pattern of parameters that are facts of a flight."""
@@ -128,11 +138,10 @@ def _table(name: str, rows: Mapping[str, AnyArray], start: int) -> RawTable:
         late = (stamps - columns["timestamp_sample"]) * SECOND
         if ((late >= 0.0) & (late <= LATEST)).all():
             stamps = columns["timestamp_sample"]
-    time = (stamps - start) * SECOND
     if name == "sensor_combined":
-        after = columns.get("accelerometer_timestamp_relative", np.zeros_like(time)) * SECOND
-        columns["accelerometer_time"] = np.where(np.abs(after) <= LATEST, time + after, np.nan)
-    return RawTable(columns=columns, time=time)
+        columns["accelerometer_time"] = (stamps + middle_of_mean(columns, "accelerometer")) * SECOND
+        stamps = stamps + np.nan_to_num(middle_of_mean(columns, "gyro"))
+    return RawTable(columns=columns, time=(stamps - start) * SECOND, origin=start * SECOND)
 
 
 def _place(parameters: Parameters) -> dict[str, float]:
@@ -187,6 +196,9 @@ def _rotor_commands(
         )
         return ()
     signals, has_motors = list[QuantitySource](), MOTORS in tables
+    if parameters.get("CA_R_REV", 0.0) or (has_motors and is_reversible(tables[MOTORS])):
+        notes.append(BOTH_WAYS)
+        return ()
     if has_motors:
         topic, tables[topic] = _motor_signals(tables[MOTORS], parameters.get("THR_MDL_FAC", 0.0), count)
         signals.append(QuantitySource(columns=tuple(f"control[{k}]" for k in range(count)), topic=topic))
@@ -207,10 +219,10 @@ def _motor_signals(table: RawTable, factor: float, count: int) -> tuple[str, Raw
         share = np.maximum(np.nan_to_num(columns.get(name, np.full(table.time.size, np.nan))), 0.0)
         linear = 1.0 - factor
         columns[name] = (np.sqrt(linear**2 + 4.0 * factor * share) - linear) / (2.0 * factor) if factor else share
-    return f"{MOTORS} by THR_MDL_FAC" if factor else MOTORS, RawTable(columns=columns, time=table.time)
+    return f"{MOTORS} by THR_MDL_FAC" if factor else MOTORS, replace(table, columns=columns)
 
 
-def _rotor_speeds(tables: Mapping[str, RawTable], parameters: Parameters, count: int) -> tuple[QuantitySource, ...]:
+def _rotor_speeds(tables: dict[str, RawTable], parameters: Parameters, count: int) -> tuple[QuantitySource, ...]:
     """Sources of the speeds that the motor controllers report, in the order of the motors that they drive."""
     table, order = tables.get("esc_status"), {k: k for k in range(count)}
     if table is None:
@@ -222,6 +234,14 @@ def _rotor_speeds(tables: Mapping[str, RawTable], parameters: Parameters, count:
     columns = tuple(f"esc[{order[k]}].esc_rpm" for k in range(count))
     if not table.has(*columns) or not any(np.nan_to_num(table.numbers(each)).any() for each in columns):
         return ()  # no controller reports
+    speeds = dict[str, Array]()
+    for name in columns:
+        # each report has a time of its own, or none: that of the message
+        stamps = table.columns.get(name.replace("esc_rpm", "timestamp"), np.zeros(1)) * SECOND - table.origin
+        stamps = np.where(np.abs(table.time - stamps) <= LATEST, stamps, table.time)
+        rows = rising_rows(stamps)
+        speeds[name] = np.interp(table.time, stamps[rows], table.numbers(name)[rows])
+    tables["esc_status"] = replace(table, columns={**table.columns, **speeds})
     in_gazebo = any(bank == GAZEBO for bank, _ in _motor_channels(parameters).values())
     return (QuantitySource(columns=columns, topic="esc_status", unit="rad/s" if in_gazebo else "rpm"),)
 
@@ -242,13 +262,14 @@ def _shares(
         notes.append(
             f"rotor_commands: outputs of {low:g} to {high:g} are assumed, of DShot, as DSHOT_CONFIG states it."
         )
-    channels = channels or {k: (PWM[1], k) for k in range(count)}
+    order = ORDERS.get(parameters.get("MOT_ORDERING", 0.0), ())
+    channels = channels or {k: (PWM[1], k) for k in range(count)} | {k: (PWM[1], at) for k, at in enumerate(order)}
     columns: dict[str, Array] = {}
     assumed, is_sure, time = False, True, np.zeros(0)
     for motor in range(count):
         bank, channel = channels.get(motor, (PWM[1], MOST_ROTORS * 2))
         low, high, stated = _limits(parameters, bank, channel)
-        table = _outputs(tables, bank, f"output[{channel}]", low, high)
+        table = _outputs(tables, bank, f"output[{channel}]", low, high, notes)
         if table is None:
             return None, False
         assumed |= not stated
@@ -266,17 +287,23 @@ def _shares(
     return RawTable(columns=columns, time=time), is_sure
 
 
-def _outputs(tables: Mapping[str, RawTable], bank: str, column: str, low: float, high: float) -> RawTable | None:
-    """Table with the outputs of a bank: of a driver beside the pins' the first one within its limits."""
+def _outputs(
+    tables: Mapping[str, RawTable], bank: str, column: str, low: float, high: float, notes: list[str]
+) -> RawTable | None:
+    """Table with the outputs of a bank: of a driver beside the pins' the only one within its limits."""
     if bank in PWM:
         table = tables.get(OUTPUTS if bank == PWM[1] else f"{OUTPUTS}[1]")
         return table if table is not None and table.has(column) else None
+    found = dict[str, RawTable]()
     for name, each in tables.items():
         if name.startswith(OUTPUTS) and each.has(column):
             sent = each.numbers(column)[each.numbers(column) > 0.0]
             if sent.size and sent.min() >= low - 1.0 and sent.max() <= high + 1.0:
-                return each
-    return None
+                found[name] = each
+    if len(found) > 1:  # pulse widths lie within the limits of UAVCAN, too
+        notes.append(f"rotor_commands: {' or '.join(found)} may be that of {bank}; a columns.toml may name one.")
+        return None
+    return next(iter(found.values()), None)
 
 
 def _losses(whole: WholeMessages, lost: Sequence[int]) -> list[str]:
