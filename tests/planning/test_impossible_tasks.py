@@ -43,6 +43,18 @@ AT_ONCE: dict[str, tuple[dict[str, Any], str]] = {
         {"start__attitude": [0.0, -0.9, 2.0], "phases__0__tilt": 0.7},
         "start.attitude: is tilted by 0.9 rad, phases[0].tilt is 0.7",
     ),
+    "a start that nothing holds": (
+        {"start__attitude": [0.0, 0.3, 2.0]},
+        "start.attitude = [0.0, 0.3, 2.0]: must have roll and pitch 0, for nothing holds it; "
+        "a first phase in contact, 'point' or 'bar', would",
+    ),
+    "a goal off the plane": (
+        {
+            "phases__1": {"kind": "contact", "contact": {"kind": "plane"}, "duration": 0.2},
+            "phases__1__to": {"tip": [1.2, 0.0, 0.98]},
+        },
+        "phases[1] '': to.tip: is -0.02 m off the plane on which the tip begins",
+    ),
     "speed goal": (
         {"phases__2__to": {"velocity": [3.0, 0.0, 4.0]}, "limits": {"speed": 2.0}},
         "phases[2] 'away': to.velocity: is 5 m/s, limits.speed is 2",

@@ -180,7 +180,7 @@ def test_goals_of_the_tip_are_those_of_mujoco(rich) -> None:
         np.testing.assert_allclose(names["tip_velocity"][k], velocity - np.array([*given[k].tip_velocity]), atol=1e-11)
         np.testing.assert_allclose(names["lift"][k], [velocity @ np.array([*given[k].normal])], atol=1e-11)
         axis = bodies.data.site_xmat[bodies.site].reshape(3, 3)[:, 2]
-        np.testing.assert_allclose(names["axis"][k], np.cross(axis, [*given[k].axis]), atol=1e-12)
+        np.testing.assert_allclose(names["axis"][k], axis - np.array([*given[k].axis]), atol=1e-12)
         R = bodies.data.xmat[bodies.base].reshape(3, 3)
         ahead = Rotation.from_quat([*given[k].attitude], scalar_first=True).as_matrix()
         vector = (Rotation.from_matrix(ahead).inv() * Rotation.from_matrix(R)).as_quat()[:3]
@@ -206,6 +206,9 @@ def test_limits_are_zero_where_the_quantity_is_at_its_limit(rich) -> None:
     rows = {name: values[:, k] for k, name in enumerate(stage.names)}
     R = Rotation.from_quat(x[:, 3:7], scalar_first=True).as_matrix()
     np.testing.assert_allclose(rows["tilt"], np.cos(task.limits.tilt) - R[:, 2, 2], atol=1e-14)
+    goals = [rebuild(stage.stage.example(), iter(row)).attitude for row in problem.data]
+    ahead = Rotation.from_quat([[*each] for each in goals], scalar_first=True).as_matrix()
+    np.testing.assert_allclose(rows["heading"], -2.0 * (R[:, :2, 0] * ahead[:, :2, 0]).sum(1), atol=1e-14)
     np.testing.assert_allclose(rows["speed"], (x[:, 7:10] ** 2).sum(1) / 16.0 - 1.0, atol=1e-13)
     np.testing.assert_allclose(rows["rate"], (x[:, 10:13] ** 2).sum(1) / 25.0 - 1.0, atol=1e-13)
     push = np.vstack([u, np.zeros(stage.nu)])[:, -3:]

@@ -80,6 +80,15 @@ WRONG: list[tuple[dict[str, Any], str]] = [
     ),
     ({"phases__1": {"kind": "contact", "contact": {"force": -2}}}, "phases[1].contact.force = -2: must be at least 0"),
     (
+        {"phases__1__to": {"tip_velocity": [0.1, 0, 0]}},
+        "phases[1]: to.tip_velocity = [0.1, 0.0, 0.0]: must be left out or zero; the tip rests in this phase",
+    ),
+    (
+        {"phases__0__to__tip_velocity": [0, 1, 0]},
+        "phases[1]: to.tip_velocity = [0.0, 1.0, 0.0] of the phase before: must be left out or zero; "
+        "the tip rests in this phase",
+    ),
+    (
         {"phases__0__to": {"base": [0, 0, 0]}},
         "phases[1]: the tip rests where the phase before leaves it, which must say to.tip",
     ),

@@ -76,7 +76,7 @@ def summary(plan: Plan) -> Summary:
     near = plan.nearest
     return Summary(
         duration=float(plan.t[-1]),
-        phases=tuple(zip(names, np.diff(plan.t[list(plan.edges)]).tolist(), strict=True)),
+        phases=tuple(zip(names, plan.durations, strict=True)),
         speed=float(lengths(plan.x[:, 7:10]).max()),
         tilt=float(tilts(plan).max()),
         rotor=_tightest(plan.t, plan.thrust_shares, tuple(rotor.name for rotor in vehicle.rotors)),

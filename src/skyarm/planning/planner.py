@@ -20,11 +20,13 @@ from skyarm.dynamics.actuators.hover import highest_thrust
 from skyarm.dynamics.state import example_state
 from skyarm.planning.seeds import free_distance, ways_around
 from skyarm.planning.solver import ITERATIONS, TOLERANCE, Guess, PlanProblem, Solution, Solver
-from skyarm.planning.stage import SPIN_UNIT, CompiledStage, Limits, Place, Stage, StageData
-from skyarm.planning.task import Goal, PlanPhase, Task
+from skyarm.planning.stage import SPIN_UNIT, CompiledStage, Limits, Place, Stage, StageData, largest
+from skyarm.planning.task import Goal, PlanPhase, Start, Task
 from skyarm.records.arrays import Array, doubles, float_array, norm, stack_values
+from skyarm.records.files import shown
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import leaves
+from skyarm.reference.planned_motion import same_signs
 from skyarm.world.contact.surface import Surface
 from skyarm.world.scene.clearance import Clearances, clearances
 from skyarm.world.scene.vehicle_shapes import boom_and_disc
@@ -117,8 +119,14 @@ class Plan:
         vehicle, stage = self.task.vehicle, self.stage
         limits = self.compiled.values(self.x, self.u, self.data)[0][:, self.compiled.limits]
         columns = [self.compiled.names.index(f"torque of {joint.name}") for joint in vehicle.joints]
-        most = [float(joint.effort_limit) * stage.limits.torque_share for joint in vehicle.joints]
+        most = [largest(joint.effort_limit) * stage.limits.torque_share for joint in vehicle.joints]
         return np.asarray((limits[:, columns] + 1.0) * most)
+
+    @property
+    def durations(self) -> list[float]:
+        """Duration of each phase, s."""
+        durations: list[float] = np.diff(self.t[[*self.edges]]).tolist()
+        return durations
 
     @property
     def lags(self) -> Array:
@@ -275,21 +283,30 @@ def problem_of(task: Task, stage: CompiledStage, counts: Sequence[int], clearanc
     goals = np.zeros((total + 1, stage.goals.stop - stage.goals.start), dtype=bool)
     limits = np.ones((total + 1, len(stage.names)), dtype=bool)
     limits[0, stage.input_limits :], limits[-1, : stage.input_limits] = False, False
+    heading = stage.names.index("heading")
+    endless = {f"torque of {each.name}" for each in task.vehicle.joints if math.isinf(float(each.effort_limit))}
     for k, name in enumerate(stage.names):
         limits[0, k] |= name.startswith("length of")
+        # no input is left at the last node, but for a contact its torque follows from the state
+        limits[-1, k] |= name.startswith("torque of") and task.phases[-1].contact is None
+        limits[:, k] &= name not in endless
+    limits[:, heading] = False
     rows: list[StageData] = []
     edge = 0
-    for phase, count in zip(task.phases, counts, strict=True):
+    for phase, following, count in zip(task.phases, [*task.phases[1:], None], counts, strict=True):
         data = _data(example, phase, count, next(free) if phase.duration is None else None, stage.stage.weight)
         rows += [data] * count
         last = edge + count
         for name in goal_names(phase.to):
             goals[last, stage.goal[name]] = True
+        limits[last, heading] = phase.to.heading is not None
         if phase.resting:
             goals[edge + (edge == 0) : last + 1, stage.goal["tip_velocity"]] = True
         if phase.contact is not None and phase.contact.kind == "plane":
-            # one node is free: else the place at the end would be said twice
-            goals[edge + (edge == 0) : last - 1, stage.goal["lift"]] = True
+            # one node is free where the end is stated: else its place would be stated twice
+            goals[edge + (edge == 0) : last - (phase.to.tip is not None), stage.goal["lift"]] = True
+            stops = phase.to.rest or phase.to.tip_velocity is not None
+            goals[last, stage.goal["lift"]] = not stops and _leaves(following)
         cone = [k for k, name in enumerate(stage.names) if name in ("contact force", "friction")]
         if cone and (phase.contact is None or phase.contact.kind == "bar"):
             limits[edge:last, cone] = False
@@ -301,7 +318,7 @@ def problem_of(task: Task, stage: CompiledStage, counts: Sequence[int], clearanc
     table, names = doubles([leaves(row) for row in (*rows, rows[-1])]), _columns(example)
     table[:, names["upright"]], edge = NO_TILT, 0
     table[:, names["clearance"]] = np.reshape(clearance, (-1, 1))
-    for phase, count in zip(task.phases, counts, strict=True):
+    for phase, following, count in zip(task.phases, [*task.phases[1:], None], counts, strict=True):
         span, most = slice(edge, edge + count + 1), phase.tilt or task.limits.tilt
         least = math.cos(most) if most < math.pi else NO_TILT
         table[span, names["upright"]] = np.maximum(table[span, names["upright"]], least)
@@ -311,8 +328,11 @@ def problem_of(task: Task, stage: CompiledStage, counts: Sequence[int], clearanc
             table[short, names["free"]], table[short, names["dt"]] = 0.0, SMOOTH_STEP
         edge += count
         ends = _data(example, phase, count, None, stage.stage.weight)
-        for field in ("tip", "tip_velocity", "base", "velocity", "attitude", "axis", "joints"):
-            if _states(phase.to, field):
+        # rest is a velocity, too, which the numbers of the next phase must not replace
+        kept = ["velocity"] * phase.to.rest + ["tip_velocity"] * phase.resting
+        kept += ["normal"] * (phase.contact is not None and _leaves(following))
+        for field in ("tip", "tip_velocity", "base", "velocity", "attitude", "axis", "joints", "normal"):
+            if field in kept or _states(phase.to, field):
                 table[edge, names[field]] = leaves(getattr(ends, field))
     return PlanProblem(data=table, goals=goals, limits=limits)
 
@@ -321,6 +341,11 @@ def _states(goal: Goal, field: str) -> bool:
     """True if a goal states a field of a stage's data."""
     given = {"axis": goal.tip_axis, "attitude": goal.attitude or goal.heading, "joints": goal.joints or None}
     return given.get(field, getattr(goal, field, None)) not in (None, ())
+
+
+def _leaves(following: PlanPhase | None) -> bool:
+    """True if the tip is free behind a contact."""
+    return following is None or following.kind == "go"
 
 
 def _columns(example: StageData) -> dict[str, slice]:
@@ -405,7 +430,8 @@ def guess_from(
         nodes = np.arange(edges[k], edges[k + 1] + 1)
         after = turned if phase.resting else attitude(phase.to.attitude or (0.0, 0.0, phase.to.heading or 0.0))
         x[nodes, 3:7] = _turning(turned, after, len(nodes), sense)
-        turned = after
+        # the turn may end at the other sign of the same attitude; the next one begins there
+        turned = after if x[nodes[-1], 3:7] @ np.array([*after]) > 0.0 else Quaternion(*(-c for c in after))
     x[:, at.speeds] = 1.0
     x[0, at.speeds] = start_speeds(task, stage)
     free = [length for phase, length in zip(task.phases, shape.lengths, strict=True) if phase.duration is None]
@@ -431,12 +457,17 @@ def _turning(before: Quaternion, after: Quaternion, count: int, sense: float) ->
     return np.stack(np.broadcast_arrays(*(before * steps)), axis=1)
 
 
+def is_level(start: Start) -> bool:
+    """True if the base is level at the start."""
+    return abs(start.attitude[0]) + abs(start.attitude[1]) < 1e-6
+
+
 def start_speeds(task: Task, stage: CompiledStage) -> list[float]:
     """Rotor speeds at the start over those of hover: the trim of a level start, else a quarter of its thrust."""
     from skyarm.dynamics.actuators.hover import hover_trim
 
     trim = hover_trim(task.vehicle, task.start.joints or task.vehicle.zeros, task.gravity)
-    level = abs(task.start.attitude[0]) + abs(task.start.attitude[1]) < 1e-6
+    level = is_level(task.start)
     return [float(speed) / hover if level else 0.5 for speed, hover in zip(trim.speeds, stage.stage.hover, strict=True)]
 
 
@@ -467,13 +498,19 @@ def plan(task: Task, *, seconds: float = 600.0, on_progress: Callable[[str], Non
         raise PlanError(f"{task.name}: {reason}")
     try:
         found, not_least = _with_free_lengths(task, watch, met)
+        room = LENGTHS[0]
         for _ in range(STRETCHES):
-            if (longer := _longer(task, found)) is None:
+            if (longer := _longer(task, found, room)) is None:
                 break
+            coarse = any(coarse_phases(found))
             try:
-                found = _best_plan(longer, watch, met, _slower(found, longer))
-            except PlanError:  # the limits alone are narrower there; the plan before keeps them
-                break
+                found = _best_plan(longer, watch, met, _slower(found, longer), PENALTIES[: 1 if coarse else None])
+            except PlanError as error:
+                if not coarse:  # the limits alone are narrower there; the plan before keeps them
+                    break
+                if room > MOST_ROOM:
+                    raise PlanError(f"{error}; state the duration of each phase, or a larger step") from None
+                room *= ROOM
     except TimeoutError as error:
         raise PlanError(str(error)) from None
     return dataclasses.replace(found, task=task, not_least=not_least, seconds=time.perf_counter() - begun)
@@ -481,6 +518,22 @@ def plan(task: Task, *, seconds: float = 600.0, on_progress: Callable[[str], Non
 
 STRETCHES = 8
 """Largest number of plans with longer durations: together longer by a sixth at least, 25 times at most."""
+
+ROOM, MOST_ROOM = 1.1, 1.2
+"""Growth of the factor while a plan with more nodes, of longer durations, is not within the limits; and when it ends.
+
+Between nodes that are too few a limit of speed, for one, holds no longer: then the duration was too short.
+"""
+
+COARSE = 1.1
+"""Number of nodes that the duration of a phase needs, over those of its seed, from which there are too few."""
+
+
+def coarse_phases(found: Plan) -> list[bool]:
+    """Phases of a plan with fewer nodes than their durations need: free ones that are longer than their seeds."""
+    needed = node_counts(found.task, found.durations)
+    return [bool(count > COARSE * few) for count, few in zip(needed, np.diff(found.edges), strict=True)]
+
 
 LENGTHS = (1.02, 1.5)
 """Least and largest factor by which a duration grows from plan to plan: not for ever, and near to the motion before."""
@@ -508,19 +561,21 @@ FAR = 0.5
 """Share of ``limits.rotor_lag`` beyond which time cannot be shorter by more than a fifth: a lag goes with its cube."""
 
 
-def _longer(task: Task, found: Plan) -> Task | None:
-    """Task with the durations of a plan, longer where its rotors lag too far; None if none of a free phase do.
+def _longer(task: Task, found: Plan, room: float) -> Task | None:
+    """Task with the durations of a plan, longer where its rotors lag too far or its nodes are too few; None if nowhere.
 
-    A lag goes with the third power of time: thrusts with the second one, and they change in that time.
+    A lag goes with the third power of time: thrusts with the second one, and they change in that time. More nodes are
+    more limits, for which durations are longer by the factor ``room``.
     """
     over = found.lags / task.limits.rotor_lag
-    phases, grows = [*task.phases], False
-    for k, (phase, length) in enumerate(zip(task.phases, np.diff(found.t[[*found.edges]]), strict=True)):
+    phases, grows, coarse = [*task.phases], False, coarse_phases(found)
+    for k, (phase, length) in enumerate(zip(task.phases, found.durations, strict=True)):
         if phase.duration is None:
             # a phase whose duration is given is as hard as those beside it make it
             beside = [j for j in (k - 1, k + 1) if 0 <= j < len(over) and task.phases[j].duration is not None]
             most = max(over[[k, *beside]])
-            factor = min(max(most ** (1.0 / 3.0), LENGTHS[0]), LENGTHS[1]) if most > 1.0 else 1.0
+            lags = min(max(most ** (1.0 / 3.0), LENGTHS[0]), LENGTHS[1]) if most > 1.0 else 1.0
+            factor = max(lags, room if coarse[k] else 1.0)
             grows |= factor > 1.0
             phases[k] = dataclasses.replace(phase, duration=float(factor * length))
     return dataclasses.replace(task, phases=tuple(phases)) if grows else None
@@ -637,11 +692,12 @@ def _plan_of(
     best: Solution,
     tried: int,
 ) -> Plan:
-    free = stage.stage.free
+    free, x = stage.stage.free, best.x.copy()
+    x[:, 3:7] = same_signs(x[:, 3:7])
     steps = problem.data[:-1, 0] + problem.data[:-1, 1 : 1 + free] @ best.x[0, stage.nx - free :]
     return Plan(
         task=task, stage=stage.stage, compiled=stage, data=problem.data, t=np.append(0.0, np.cumsum(steps)),
-        x=best.x, u=best.u, K=best.K,
+        x=x, u=best.u, K=best.K,
         edges=tuple(map(int, np.cumsum([0, *counts]))), solution=best, seeds=tried,
     )  # fmt: skip
 
@@ -816,4 +872,27 @@ def impossible(task: Task) -> str:
                 gap = float(free_distance([each], float_array(place or ())))
                 if gap < least:
                     return f"{at}.{word}: is {gap:.3g} m from {each.name}, at least {least:.3g} m are needed"
+    return without_support(task)
+
+
+def without_support(task: Task) -> str:
+    """One line: which plane the tip is off, or that nothing holds a tilted start; empty if neither."""
+    below = tip_below(task, np.array(task.start.joints or task.vehicle.zeros, dtype=float))
+    place = task.start.position + attitude(task.start.attitude).rotation().apply(Vec3(*below))
+    tip: Array | None = float_array(place) if task.vehicle.end_effector else None
+    for k, phase in enumerate(task.phases):
+        after = float_array(phase.to.tip) if phase.to.tip is not None else tip if phase.resting else None
+        if phase.contact is not None and phase.contact.kind == "plane" and tip is not None and after is not None:
+            off = float((after - tip) @ float_array(phase.contact.normal))
+            if abs(off) > OFF_PLANE:
+                return f"phases[{k}] {phase.name!r}: to.tip: is {off:.3g} m off the plane on which the tip begins"
+        tip = after
+    held = task.phases[0].contact is not None and task.phases[0].contact.kind != "plane"
+    if not (held or is_level(task.start)):
+        fix = "must have roll and pitch 0, for nothing holds it; a first phase in contact, 'point' or 'bar', would"
+        return f"start.attitude = {shown(list(task.start.attitude))}: {fix}"
     return ""
+
+
+OFF_PLANE = 1e-3
+"""Largest distance (m) of a goal from the plane on which the tip slides: of goals that are rounded to millimetres."""

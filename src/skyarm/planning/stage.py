@@ -332,7 +332,7 @@ class Stage:
             "lift": [data.normal.dot(tip_velocity)],
             "tip": [*(state.position + R.apply(tip) - data.tip)],
             "tip_velocity": [*(tip_velocity - data.tip_velocity)],
-            "axis": [*R.apply(axis).cross(data.axis)],
+            "axis": [*(R.apply(axis) - data.axis)],
             "base": [*(state.position - data.base)],
             "heading": [ahead.x * nose.y - ahead.y * nose.x],
             "attitude": [2.0 * turn.x, 2.0 * turn.y, 2.0 * turn.z],
@@ -353,12 +353,12 @@ class Stage:
         for rotor, w, spin, hover in zip(vehicle.rotors, x[at.speeds], u[:m], self.hover, strict=True):
             most = float(rotor.max_speed) / hover
             for tau, end, sign in ((rotor.time_constant_up, most, 1.0), (rotor.time_constant_down, 0.0, -1.0)):
-                lag = SPIN_UNIT * max(float(tau), 1e-3)
+                # at the end of the stage, where a speed that goes up or down is nearest to its own end
+                lag = self.length(x, data) * SPIN_UNIT + SPIN_UNIT * max(float(tau), 1e-3)
                 out.append((f"acceleration of {rotor.name}", sign * (spin * lag + w - end) * (1.0 / most)))
         for link, effort in zip(vehicle.links, efforts, strict=True):
-            most = float(link.joint.effort_limit) * limits.torque_share
-            if math.isfinite(most) and most > 0.0:
-                out += [(f"torque of {link.joint.name}", sign * effort * (1.0 / most) - 1.0) for sign in (1.0, -1.0)]
+            most = largest(link.joint.effort_limit) * limits.torque_share
+            out += [(f"torque of {link.joint.name}", sign * effort * (1.0 / most) - 1.0) for sign in (1.0, -1.0)]
         # a rate between two nodes is within the hull of three control points: both ends, and this one
         half = self.length(x, data) * (0.5 * ARM_UNIT)
         for link, rate, a in zip(vehicle.links, x[at.joint_rates], x[at.arm], strict=True):
@@ -390,6 +390,9 @@ class Stage:
                     out.append((f"position of {joint.name}", sign * (q - end)))
             out += [(f"rate of {joint.name}", sign * rate * (1.0 / limits.joint_rate) - 1.0) for sign in (1.0, -1.0)]
         out.append(("tilt", data.upright - R.rows[2].z))
+        # the goal's sine alone is zero for the reversed heading, too; twice the cosine outweighs it on the way round
+        ahead, nose = data.attitude.rotation().column(0), R.column(0)
+        out.append(("heading", -2.0 * (ahead.x * nose.x + ahead.y * nose.y)))
         for name, vector, most in (("speed", state.velocity, limits.speed), ("rate", state.rate, limits.rate)):
             if math.isfinite(most):
                 out.append((name, vector.dot(vector) * (1.0 / most**2) - 1.0))

@@ -53,7 +53,7 @@ from skyarm.records.read_table import record_from
 from skyarm.records.units import Unit, nonnegative, positive
 from skyarm.vehicle import Vehicle
 from skyarm.vehicle.vehicle_files import list_vehicles, load_vehicle
-from skyarm.vehicle.vehicle_records import require_plant
+from skyarm.vehicle.vehicle_records import require_plant, undriven_joints
 from skyarm.world.contact.surface import Surface
 
 
@@ -234,6 +234,22 @@ class Task:
             raise TaskError(f"vehicle = {self.vehicle.name!r}: must have no tilting rotors; no plan turns them")
         with errors_as(TaskError):
             require_plant(self.vehicle)
+            _require_actuators(self.vehicle)
+
+
+def _require_actuators(vehicle: Vehicle) -> None:
+    """Refuse a vehicle with passive joints, which a plan would drive, or with rotors of any speed.
+
+    Raises:
+        ValueError: one line.
+    """
+    if passive := undriven_joints(vehicle):
+        fix = "must be above 0 (N m or N), for a plan drives every joint; a joint that [[joints]] hold holds is none"
+        raise ValueError(f"vehicle = {vehicle.name!r}: joints[{passive[0]}].effort_limit = 0: {fix}")
+    for rotor in vehicle.rotors:
+        if not math.isfinite(float(rotor.max_speed)):
+            fix = "must be finite (rad/s), for a plan limits thrusts by it"
+            raise ValueError(f"vehicle = {vehicle.name!r}: rotors[{rotor.name}].max_speed = inf: {fix}")
 
 
 def require_grippers(task: Task) -> None:
@@ -271,6 +287,10 @@ def _check_phase(phase: PlanPhase, at: str, vehicle: Vehicle, before: PlanPhase 
     needs_tip = phase.kind != "go" or goal.tip is not None or goal.tip_velocity is not None or goal.tip_axis is not None
     if needs_tip and not vehicle.end_effector:
         raise TaskError(f"{at}: needs a vehicle with a tip; {vehicle.name!r} has none (end_effector){vehicle.tip_cure}")
+    for whose, each in (("", goal), (" of the phase before", before.to if before is not None else Goal())):
+        if phase.resting and each.tip_velocity is not None and any(each.tip_velocity):
+            value = f"to.tip_velocity = {shown([*each.tip_velocity])}"
+            raise TaskError(f"{at}: {value}{whose}: must be left out or zero; the tip rests in this phase")
     if phase.kind != "go" and before is not None and before.to.tip is None and not before.resting:
         raise TaskError(f"{at}: the tip rests where the phase before leaves it, which must say to.tip")
 

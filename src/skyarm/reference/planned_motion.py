@@ -28,6 +28,7 @@ from skyarm.records.files.toml import Entry
 from skyarm.records.immutable import immutable
 from skyarm.records.units import Unit
 from skyarm.reference.signals import Signal
+from skyarm.reference.splines import minimum_snap
 
 FORMAT = 1
 """Format number of a plan's file."""
@@ -95,8 +96,14 @@ def plan_tables(fields: Fields, vehicle: str | None = None) -> dict[str, Entry]:
         raise ValueError(f"{at} = {shown(file)}: is a plan of {shown(own)}; plant.vehicle is {shown(vehicle)}")
     times = [begin + t for t in arrays["t"].tolist()]
 
-    def spline(values: Any) -> Entry:
-        return {"kind": "spline", "times": [*times], "values": np.asarray(values).tolist()}
+    # a plan without these arrays is one that rests
+    moves = any(np.abs(arrays[name][-1]).max(initial=0.0) > MOVING for name in SPEEDS if name in arrays)
+
+    def spline(values: Any) -> Any:
+        numbers = np.asarray(values).tolist()
+        if moves:
+            return minimum_snap(times, numbers, rests=False)
+        return {"kind": "spline", "times": [*times], "values": numbers}
 
     axes = {axis: spline(arrays["position"][:, k]) for k, axis in enumerate("xyz")}
     names = {"center": "center", "tip": "tip", "attitude": "quaternion", "rotors": "rotor_speeds"}
@@ -129,7 +136,8 @@ def read_plan_arrays(file: str, at: str) -> dict[str, Any]:
         raise ValueError(f"{at}: must be a file of 'skyarm plan' of this version")
     arrays = {name: np.zeros((np.size(arrays["t"]), columns)) for name, columns in LATER.items()} | arrays
     _require_arrays(arrays, at)
-    return arrays
+    # an attitude is two quaternions; between nodes of different ones the way would lead through zero
+    return arrays | {"quaternion": same_signs(arrays["quaternion"])}
 
 
 UNREADABLE = (
@@ -146,7 +154,13 @@ SHAPES: dict[str, tuple[tuple[int, ...], ...]] = {
 }  # fmt: skip
 """Allowed lengths of each further axis of each array of a plan, whose first is that of the nodes."""
 
-UNREAD = ("velocity", "rate", "joint_rates", "phase", "inputs", "gains")
+SPEEDS = ("velocity", "rate", "joint_rates")
+"""Arrays of which the last row is zero where a plan ends at rest."""
+
+MOVING = 1e-3
+"""Speed (m/s, rad/s) at the last node above which a plan ends in motion; at rest it is the solver's tolerance."""
+
+UNREAD = (*SPEEDS, "phase", "inputs", "gains")
 """Arrays that no law reads and a file may lack."""
 
 LATER = {"torques": 0, "force": 3}
@@ -181,6 +195,12 @@ def _require_arrays(arrays: dict[str, Any], at: str) -> None:
         raise ValueError(f"{at}: quaternion: must be of length 1 at each node")
     if "vehicle" in arrays and (np.ndim(arrays["vehicle"]) or np.asarray(arrays["vehicle"]).dtype.kind != "U"):
         raise ValueError(f"{at}: vehicle: must be a name")
+
+
+def same_signs(q: Array) -> Array:
+    """Quaternions (N, 4) of the same attitudes, none of the opposite sign of the one before it."""
+    turns = np.where((q[1:] * q[:-1]).sum(axis=1) < 0.0, -1.0, 1.0)
+    return np.asarray(q * np.cumprod(np.append(1.0, turns))[:, None])
 
 
 LARGEST = 1e6

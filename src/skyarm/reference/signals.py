@@ -363,7 +363,9 @@ class Turning(Signal):
 
 
 def signal_from(entry: object, where: str) -> Signal:
-    """Time signal from a number, list or table of a scenario file."""
+    """Time signal from a number, list or table of a scenario file; one of Python code stays as it is."""
+    if isinstance(entry, Signal):
+        return entry
     if isinstance(entry, list):
         return Sum(tuple(signal_from(item, f"{where}[{index}]") for index, item in enumerate(entry)))
     if isinstance(entry, (str, bool)):

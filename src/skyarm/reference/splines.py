@@ -153,14 +153,15 @@ FREE = 3
 """Number of free derivatives of a knot: velocity, acceleration, jerk."""
 
 
-def minimum_snap(times: Sequence[float], values: Sequence[float]) -> Polynomials:
+def minimum_snap(times: Sequence[float], values: Sequence[float], *, rests: bool = True) -> Polynomials:
     """Minimum-snap spline through values at given times, from rest to rest.
 
     Args:
         times: knot times, s, rising, at least two.
         values: values at these times.
+        rests: False: derivatives at the end are free, as those at the inner knots are.
     """
-    return Polynomials(tuple(times), tuple(map(tuple, snap_pieces(span_powers(times), values))))
+    return Polynomials(tuple(times), tuple(map(tuple, snap_pieces(span_powers(times), values, rests=rests))))
 
 
 def span_powers(times: Sequence[Number]) -> list[list[Number]]:
@@ -174,14 +175,17 @@ def span_powers(times: Sequence[Number]) -> list[list[Number]]:
     return rows
 
 
-def snap_pieces(spans: Sequence[Sequence[Number]], values: Sequence[Number]) -> list[list[Number]]:
+def snap_pieces(
+    spans: Sequence[Sequence[Number]], values: Sequence[Number], *, rests: bool = True
+) -> list[list[Number]]:
     """Coefficients of the pieces of a minimum-snap spline.
 
     Args:
         spans: powers of the durations between knots (:func:`span_powers`); numbers, or lanes (N,).
         values: values at the knots; of lanes also (axes, 1).
+        rests: whether it ends at rest.
     """
-    derivatives, pieces = knot_derivatives(spans, values), []
+    derivatives, pieces = knot_derivatives(spans, values, rests=rests), []
     for i, powers in enumerate(spans):
         ends = [values[i], *derivatives[i], values[i + 1], *derivatives[i + 1]]
         scaled = [ends[k] * powers[k % 4] for k in range(8)]
@@ -190,9 +194,14 @@ def snap_pieces(spans: Sequence[Sequence[Number]], values: Sequence[Number]) -> 
     return pieces
 
 
-def knot_derivatives(spans: Sequence[Sequence[Number]], values: Sequence[Number]) -> list[Sequence[Number]]:
-    """Velocity, acceleration and jerk of a minimum-snap spline at each knot; zero at both ends."""
-    inner = len(spans) - 1
+def knot_derivatives(
+    spans: Sequence[Sequence[Number]], values: Sequence[Number], *, rests: bool = True
+) -> list[Sequence[Number]]:
+    """Velocity, acceleration and jerk of a minimum-snap spline at each knot; zero at the start, and at an end at rest.
+
+    An end that moves is a natural one: what it does follows from the values before it.
+    """
+    inner = len(spans) - rests
     size = FREE * inner
     band = 2 * FREE - 1
     A: list[list[Number]] = [[0.0] * (band + 1) for _ in range(size)]  # A[i][d] couples i with i - d
@@ -215,7 +224,7 @@ def knot_derivatives(spans: Sequence[Sequence[Number]], values: Sequence[Number]
                     A[row][row - at[j]] = A[row][row - at[j]] + value
     solved = _solve_banded(A, b, band)
     rest = (0.0,) * FREE
-    return [rest, *(solved[FREE * i : FREE * i + FREE] for i in range(inner)), rest]
+    return [rest, *(solved[FREE * i : FREE * i + FREE] for i in range(inner)), *[rest] * rests]
 
 
 def snap_cost(spans: Sequence[Sequence[Number]], pieces: Sequence[Sequence[Number]]) -> Number:
