@@ -196,8 +196,8 @@ CHECKS: tuple[Check, ...] = (
         SCENARIO,
         "battery over the flight",
         "ok, fault",
-        "time of hover on the battery; fault below the duration",
-        "more charge",
+        "time of hover on the battery, each load counted while it is held; fault below the duration",
+        "more charge, or less load",
     ),
     Check(
         SCENARIO,

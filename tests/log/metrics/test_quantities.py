@@ -16,6 +16,7 @@ from skyarm.dynamics.actuators import Command
 from skyarm.log.metrics import interaction
 from skyarm.log.metrics.accumulate import QUANTITIES, quantity, roll_and_pitch, tilt
 from skyarm.log.metrics.metric import ActuatorLimits, MetricGoal, MetricInstant
+from skyarm.vehicle.battery import Battery, CellCurve
 from skyarm.vehicle.vehicle_files import load_vehicle
 
 TURN = Rotation.from_euler("ZYX", [0.9, -0.7, 0.4])
@@ -119,6 +120,28 @@ def test_what_has_no_limit_is_never_at_it_and_an_unknown_vehicle_has_no_share():
     slack = dataclasses.replace(arm, links=(dataclasses.replace(arm.links[0], joint=passive), arm.links[1]))
     assert ActuatorLimits.of(slack, [False, False]).efforts == (math.inf, 0.5)
     assert np.isnan(limited(limits=None)).all()
+
+
+@pytest.mark.parametrize("esc", ["governed", "open"])
+@pytest.mark.parametrize(("voltage", "most"), [(6.3, 419.0), (12.6, 838.0), (13.9, 838.0)])
+def test_a_weak_battery_moves_the_limits_of_the_rotors(esc, voltage, most):
+    """At half of the reference voltage a governed rotor turns at half its highest speed, either way."""
+    curve = CellCurve(charge=(0.0, 1.0), voltage=(3.3, 4.2))
+    pack = Battery(cells=3, capacity=1.0, resistance=0.05, open_circuit=curve, reference_voltage=12.6, esc=esc)
+    vehicle = load_vehicle("hummingbird_arm2")
+    rotors = tuple(dataclasses.replace(each, reversible=True) for each in vehicle.rotors)
+    assert {float(each.max_speed) for each in rotors} == {838.0}
+    limits = ActuatorLimits.of(dataclasses.replace(vehicle, battery=pack, rotors=rotors), [False, False])
+    most = 838.0 if esc == "open" else most
+    for speed in (most, -most):
+        assert at_limit(speed, limits, voltage) == 1.0
+        assert at_limit(0.999 * speed, limits, voltage) == 0.0
+
+
+def at_limit(speed, limits, voltage):
+    command = Command(rotor_speeds=(speed,) * 4, efforts=(0.0, 0.0))
+    parts = (("battery_voltage", (voltage,)),)
+    return quantity("rotor_limited", dataclasses.replace(instant(), command=command, limits=limits, parts=parts))
 
 
 UPRIGHT = np.sqrt(0.5)

@@ -14,7 +14,9 @@ import pytest
 import skyarm
 from skyarm.log.flight_log import rows_of
 from skyarm.log.flight_summary import facts, summary
+from skyarm.log.metrics.score import score
 from skyarm.log.metrics.shortfall import LARGEST_ERROR, LARGEST_TURN
+from skyarm.simulate.batch import Batch
 from skyarm.vehicle.battery import Battery, CellCurve
 from support.commands import skyarm as command
 from support.logs import with_components
@@ -74,6 +76,21 @@ def test_speeds_that_the_battery_cuts_are_at_a_limit(hover, esc, share, monkeypa
     found = log.shortfall.saturation
     assert (None if found is None else found.share) == share
     assert found is None or found.limit == 419.0
+
+
+@pytest.mark.parametrize(("esc", "share"), [("governed", 1.0), ("open", 0.0)])
+def test_the_metric_counts_the_speeds_that_the_battery_cuts_as_the_warning_does(esc, share):
+    """A pack of half the reference voltage: in flight, from its log, and in the sentence beside both."""
+    curve = CellCurve(charge=(0.0, 1.0), voltage=(3.3, 4.2))
+    pack = Battery(cells=3, capacity=1.0, resistance=0.05, open_circuit=curve, reference_voltage=25.2, esc=esc)
+    case = skyarm.load_scenario("case3", duration=0.2)
+    vehicle = dataclasses.replace(case.plant.vehicle, battery=pack)
+    weak = dataclasses.replace(case, plant=dataclasses.replace(case.plant, vehicle=vehicle))
+    log = skyarm.run(weak)
+    assert score(log, ("rotor_saturation",)) == {"rotor_saturation": share}
+    assert (log.shortfall.saturation.share if log.shortfall.saturation else 0.0) == share
+    flown = Batch(weak, (), metrics=("rotor_saturation",), effort=0).fly({}, episodes=np.array([0]))
+    assert flown.metrics["rotor_saturation"].tolist() == [share]
 
 
 @pytest.mark.parametrize("voltage", [12.6, 13.9])

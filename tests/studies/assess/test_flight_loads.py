@@ -17,7 +17,7 @@ from skyarm.reference.signals import Constant, Ramp, Windowed
 from skyarm.scenario.scenario_file import list_scenarios
 from skyarm.scenario.scenario_record import Change
 from skyarm.studies.assess.along_reference import along_reference, follow
-from skyarm.studies.assess.finding import FAULT, OK, worst_level
+from skyarm.studies.assess.finding import FAULT, OK, WARNING, worst_level
 from skyarm.studies.assess.flight_loads import flight_parts
 from skyarm.studies.assess.push_limits import push_limits
 from skyarm.world import HangingPayload, Reach, TimedPayload
@@ -73,6 +73,18 @@ def test_a_payload_counts_while_it_is_held(hover):
     more = thrust(held) - wanted
     assert more[(time > 1.0) & (time < 3.0)] == pytest.approx(0.2 * float(hover.plant.gravity))
     assert more[(time < 1.0) | (time > 3.0)] == pytest.approx(0.0, abs=1e-9)
+
+
+def test_a_share_of_the_flight_is_a_share_of_its_time(hover):
+    """Twenty loads of 20 ms in 40 s are 1 % of it, although each takes as many instants as 160 ms of hover."""
+    long = dataclasses.replace(hover, duration=40.0)
+    loads = tuple(TimedPayload(mass=8.0, pick=2.0 * k + 1.0, drop=2.0 * k + 1.02) for k in range(20))
+    said = found(dataclasses.replace(long, payloads=loads))["rotors along the reference"]
+    assert said.level == WARNING
+    assert ", for 1.0% of the flight; " in said.text
+    followed = follow(flight_parts(dataclasses.replace(long, payloads=loads)))
+    assert followed.seconds.sum() == pytest.approx(40.0)
+    assert followed.share(followed.demand.time < 1.02) == pytest.approx(1.02 / 40.0, abs=1e-3)
 
 
 def test_a_payload_is_picked_where_the_reference_comes_to_its_place():

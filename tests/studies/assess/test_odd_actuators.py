@@ -14,15 +14,18 @@ import pytest
 import skyarm
 from skyarm.algebra import Vec3
 from skyarm.dynamics.actuators.servo import PositionServo
+from skyarm.log.metrics.windows import Windows
 from skyarm.scenario.scenario_file import load_scenario
 from skyarm.scenario.unlikely_numbers import unlikely_in_vehicle
 from skyarm.studies.assess.along_reference import along_reference
 from skyarm.studies.assess.data_sheet import sheet, vehicle_facts
 from skyarm.studies.assess.endurance import aloft_for, hover_time
 from skyarm.studies.assess.endurance import time_aloft as assessed_time
+from skyarm.studies.assess.flight_loads import flight_parts
 from skyarm.studies.assess.layout import disc_radius, rotor_layout
 from skyarm.vehicle.battery import Battery, CellCurve
 from skyarm.vehicle.thrust_table import ThrustTable
+from skyarm.world import TimedPayload
 
 DATA = Path(__file__).resolve().parents[2] / "data"
 
@@ -129,8 +132,49 @@ def test_a_battery_that_holds_no_hover_is_told_what_it_lacks():
 
 def test_the_battery_over_a_flight_is_held_against_its_duration():
     seconds = hover_time(arm()).seconds
-    (short,), (long,) = (aloft_for(arm(), 9.81, share * seconds) for share in (0.99, 1.01))
+    flights = (flown_for(share * seconds) for share in (0.99, 1.01))
+    (short,), (long,) = (aloft_for(flight_parts(each)) for each in flights)
     assert (short.level, long.level, long.field) == ("ok", "fault", "battery.capacity")
+    assert short.value == pytest.approx(seconds)
+    assert "holds a hover for" in short.text
+
+
+def flown_for(duration, *payloads, **battery):
+    """The servo arm in flight for so long, with payloads, on the battery of the file or one that is changed."""
+    scenario = load_scenario(DATA / "servo_flight.toml")
+    vehicle = with_battery(**battery) if battery else arm()
+    plant = dataclasses.replace(scenario.plant, vehicle=vehicle)
+    return dataclasses.replace(scenario, duration=duration, plant=plant, payloads=payloads, windows=Windows())
+
+
+def test_the_battery_over_a_flight_counts_each_load_for_as_long_as_it_is_held():
+    """At a constant voltage without resistance the energy is a sum: power of each load times its time."""
+    flat = {"open_circuit": CellCurve(charge=(0.0, 1.0), voltage=(3.7, 3.7 + 1e-9)), "resistance": 0.0}
+    bare, load = with_battery(**flat), 0.3
+    loaded = bare.with_payload(load)
+    energy = 3600.0 * 5.0 * 14.8  # J of 5 A h at four cells
+    light, heavy = (hover_time(each).power for each in (bare, loaded))
+    assert heavy > 1.05 * light
+    box = TimedPayload(mass=load, pick=100.0, drop=200.0)
+    (found,) = aloft_for(flight_parts(flown_for(300.0, box, **flat)))
+    assert found.value == pytest.approx(100.0 + 100.0 + (energy - 100.0 * (light + heavy)) / light, rel=1e-6)
+    assert "with its loads" in found.text
+    for parts, payload in ((flown_for(300.0, TimedPayload(mass=load), **flat), 0.0), (flown_for(300.0, **flat), load)):
+        (held,) = aloft_for(flight_parts(parts), payload)
+        assert held.value == pytest.approx(energy / heavy, rel=1e-6)
+
+
+def test_a_flight_that_its_battery_ends_under_a_load_is_a_fault_at_that_time():
+    flat = {"open_circuit": CellCurve(charge=(0.0, 1.0), voltage=(3.7, 3.7 + 1e-9)), "resistance": 0.0, "charge": 0.2}
+    empty = 3600.0 * 5.0 * 14.8 * 0.2
+    light, heavy = (hover_time(each).power for each in (with_battery(**flat), with_battery(**flat).with_payload(0.3)))
+    pick = 0.5 * empty / light
+    ends = pick + 0.5 * empty / heavy
+    scenario = flown_for(round(0.5 * (ends + empty / light)), TimedPayload(mass=0.3, pick=pick), **flat)
+    assert ends < scenario.duration < empty / light, "without the load it would last"
+    found = {each.question: each for each in skyarm.check(scenario, poses=2).findings}["battery over the flight"]
+    assert (found.level, found.field) == ("fault", "battery.charge")
+    assert found.value == pytest.approx(ends, abs=0.01), "a load is taken at the next control instant"
 
 
 def test_a_reference_faster_than_a_servo_is_a_fault_with_both_speeds():

@@ -91,6 +91,26 @@ def test_the_weakest_of_six_directions_counts(axis, sign, monkeypatch):
     assert largest(SCENARIO, most) == pytest.approx(most | {"bump": 1.0})
 
 
+def test_the_last_seconds_are_five_whatever_the_windows_of_the_scenario(monkeypatch):
+    short, seen = Windows(last=0.5), []
+
+    def fly(work):
+        seen.append(work.windows.of_flight(DURATION, work.scenario.windows).last)
+        none = np.zeros(1 + 8 * SECTIONS)
+        return {"ee_error_last_mean_continuous": none, "tilt_rms": none, "status": np.full(none.size, "completed")}
+
+    monkeypatch.setattr("skyarm.studies.assess.survival_limits.fly", fly)
+    largest(with_words(SCENARIO, windows=short), {"bump": 1.0, "lateness": 0.1, "load in motion": 0.1})
+
+    def flown(scenario):
+        seen.append(scenario.windows.of_flight(scenario.duration).last)
+        raise ScenarioError("seen")
+
+    monkeypatch.setattr("skyarm.studies.assess.survival_limits.run", flown)
+    flight_together(with_words(team("bar", duration=20.0), windows=short))
+    assert seen == [5.0, 5.0]
+
+
 def test_every_number_is_a_note_with_its_unit():
     findings = survival_limits(SCENARIO)
     assert [(each.question, each.level, each.unit) for each in findings] == [

@@ -77,6 +77,14 @@ def test_numbers_are_medians_over_whole_flights_and_none_where_there_are_none():
     assert cell_record(TASKS["press_and_hold"], cell("lost"), WEIGHT, 3)["peak"] is None
 
 
+def test_the_time_of_a_task_is_that_of_finished_ones():
+    """A flight that came to its end in phase 3 of 3 ended its second phase early."""
+    found = cell("completed", "completed", "completed")
+    found.metrics["phases_time"][:], found.metrics["phases_done"][:] = [9.0, 11.0, 2.0], [3.0, 3.0, 2.0]
+    assert cell_record(TASKS["press_and_hold"], found, WEIGHT, 3)["time"] == pytest.approx(10.0)
+    assert cell_record(TASKS["press_and_hold"], cell(phases_done=2.0), WEIGHT, 3)["time"] is None
+
+
 def test_handles_have_a_median_and_what_nearly_all_stay_below():
     count = 21
     found = cell(*["completed"] * count, "lost")

@@ -49,6 +49,9 @@ def test_metrics_are_of_episodes_that_flew_to_their_end(folder: Path) -> None:
     assert found["mean"] == pytest.approx(kept.mean())
     for share, value in found["quantiles"].items():
         assert value == np.quantile(kept, float(share), method="inverted_cdf")
+        if kept.size < 72 and share in ("0.05", "0.95"):  # 0.95^71 > 0.025
+            assert found["intervals"][share] is None
+            continue
         low, high = found["intervals"][share]
         assert kept.min() <= low <= value <= high <= kept.max()
 
@@ -82,7 +85,7 @@ def test_success_is_compared_episode_by_episode(folder: Path) -> None:
 
 
 def test_statistics_are_the_same_again(folder: Path) -> None:
-    assert statistics(Rows(folder), seed=2) == statistics(Rows(folder), seed=2)
+    assert statistics(Rows(folder)) == statistics(Rows(folder))
 
 
 def test_limits_may_be_given_anew(folder: Path) -> None:

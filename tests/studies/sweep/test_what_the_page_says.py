@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from skyarm.studies.sweep.manifest import Manifest
-from skyarm.studies.sweep.stats import SHARES, Pictures, _difference_statistics, page
+from skyarm.studies.sweep.stats import SHARES, Pictures, _difference_statistics, _success_difference, page
 
 STUDY = {
     "name": "small",
@@ -93,7 +93,26 @@ def test_a_grid_without_chance_has_no_intervals_and_says_why():
 def test_ties_are_shared_between_both_controllers():
     """Of ten differences three are below zero and four are zero: two of these count for each side."""
     difference = np.array([-1.0, -2.0, -3.0, 0.0, 0.0, -0.0, 0.0, 1.0, 2.0, 3.0])
-    assert _difference_statistics(difference, 0, 0.95)["first_smaller"] == pytest.approx(0.5)
-    assert _difference_statistics(-difference, 0, 0.95)["first_smaller"] == pytest.approx(0.5)
-    assert _difference_statistics(np.zeros(4), 0, 0.95)["first_smaller"] == pytest.approx(0.5)
-    assert _difference_statistics(np.array([-1.0, 0.0, 0.0, 2.0, 3.0]), 0, 0.95)["first_smaller"] == pytest.approx(0.4)
+    assert _difference_statistics(difference, 0.95)["first_smaller"] == pytest.approx(0.5)
+    assert _difference_statistics(-difference, 0.95)["first_smaller"] == pytest.approx(0.5)
+    assert _difference_statistics(np.zeros(4), 0.95)["first_smaller"] == pytest.approx(0.5)
+    assert _difference_statistics(np.array([-1.0, 0.0, 0.0, 2.0, 3.0]), 0.95)["first_smaller"] == pytest.approx(0.4)
+    assert _difference_statistics(np.zeros(1), 0.95)["first_smaller"] == pytest.approx(0.5), "one tie is half of each"
+
+
+def test_a_page_marks_what_too_few_episodes_leave_without_an_interval():
+    given = found(complete=True, paired={"law - other": pair_of_one()})
+    spread = {"count": 1, "mean": 0.5, "quantiles": dict.fromkeys(map(str, SHARES), 0.25)}
+    given["controllers"]["law"]["metrics"] = {
+        "pitch_rms": {**spread, "intervals": dict.fromkeys(map(str, SHARES))},
+    }
+    text = page(given, MANIFEST, Pictures())
+    assert text.count("0.25 [-]") == len(SHARES)
+    assert "-0.02 [-]</td>" in text
+    assert "+100.00% [-12.21%, +100.00%]" in text
+
+
+def pair_of_one():
+    """The first of two laws succeeds in the only episode; Wilson: 0.2065 to 1, and 0 to 0.7935."""
+    success = _success_difference(np.array([True]), np.array([False]), 0.95)
+    return {**success, "metrics": {"pitch_rms": _difference_statistics(np.array([-0.02]), 0.95)}}

@@ -65,11 +65,12 @@ ROUNDING = 1e-9
 
 
 def _limited_rotors(now: MetricInstant) -> Scalar:
-    """1 if a rotor command is at its least or largest speed or beyond it, else 0; NaN without known limits."""
+    """1 if a rotor command is at a limit at the battery's voltage or beyond it, else 0; NaN without known limits."""
     if now.limits is None:
         return math.nan
     limited: Scalar = 0.0
-    for speed, least, highest in zip(now.command.rotor_speeds, now.limits.least, now.limits.speeds, strict=True):
+    ranges = now.limits.rotor_ranges(now.part("battery_voltage"))
+    for speed, (least, highest) in zip(now.command.rotor_speeds, ranges, strict=True):
         stopped = speed <= (1.0 - ROUNDING) * least
         limited = where(stopped, 1.0, where(speed >= (1.0 - ROUNDING) * highest, 1.0, limited))
     return limited

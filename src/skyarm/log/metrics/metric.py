@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from typing import Any, ClassVar
 
 from skyarm.algebra import Scalar, Scalars, Vec3
-from skyarm.algebra.scalars import data, where
+from skyarm.algebra.scalars import data, minimum, where
 from skyarm.dynamics import State
 from skyarm.dynamics.actuators import Command
 from skyarm.records.immutable import immutable
@@ -33,16 +33,20 @@ class ActuatorLimits:
     Attributes:
         speeds: largest speed of each rotor, rad/s. least: its least one.
         efforts: largest torque or force of each joint, N m or N; inf of a joint that is passive or takes setpoints.
+        reference_voltage: V, of a battery that limits the rotors' speeds; None where none does.
     """
 
     speeds: Scalars
     least: Scalars
     efforts: Scalars
+    reference_voltage: Scalar | None = None
 
     @classmethod
     def of(cls, vehicle: Vehicle, setpoints: Sequence[bool]) -> ActuatorLimits:
         """Actuator limits of a vehicle; joints marked in ``setpoints`` take setpoints and have no effort limit."""
-        joints = zip(vehicle.joints, setpoints, strict=True)
+        joints, battery = zip(vehicle.joints, setpoints, strict=True), vehicle.battery
+        if battery is not None and battery.esc == "open":  # an open loop scales speeds and cuts none
+            battery = None
         return cls(
             speeds=tuple(rotor.max_speed for rotor in vehicle.rotors),
             least=tuple(data(rotor.min_speed) for rotor in vehicle.rotors),
@@ -50,7 +54,20 @@ class ActuatorLimits:
                 math.inf if setpoint else where(joint.effort_limit > 0.0, joint.effort_limit, math.inf)
                 for joint, setpoint in joints
             ),
+            reference_voltage=None if battery is None else data(battery.reference_voltage),
         )
+
+    def rotor_ranges(self, voltage: Scalars) -> list[tuple[Any, Any]]:
+        """Least and largest speed of each rotor, rad/s, at the voltage of the battery.
+
+        Args:
+            voltage: V, under load, one number; () where no battery is simulated.
+        """
+        ranges = list(zip(self.least, self.speeds, strict=True))
+        if self.reference_voltage is None or not voltage:
+            return ranges
+        supply = minimum(voltage[0] / self.reference_voltage, 1.0)  # above it a rotor stays at its highest speed
+        return [(least * supply, highest * supply) for least, highest in ranges]
 
 
 @immutable

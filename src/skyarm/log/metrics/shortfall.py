@@ -16,6 +16,7 @@ from skyarm.log.flown_scenario import restored_at, written_at
 from skyarm.log.log_columns import names_of
 from skyarm.log.metrics.accumulate import ROUNDING
 from skyarm.log.metrics.interaction import BAND
+from skyarm.log.metrics.metric import ActuatorLimits
 from skyarm.log.metrics.path_distance import path_distance
 from skyarm.log.metrics.score import wanted_push
 from skyarm.log.metrics.windows import Windows, windows_of
@@ -150,17 +151,15 @@ def _actuator_limits(log: Log) -> Iterator[tuple[str, str, Array, float | Array,
     vehicle = restored_at(log.info, "plant.vehicle")
     if vehicle is None:
         return
-    supply: float | Array = 1.0
-    voltage, battery = log.component("battery_voltage"), vehicle.battery
-    if voltage.size and battery is not None and battery.esc != "open":  # an open loop scales speeds and cuts none
-        # above the reference voltage a rotor stays at its highest speed
-        supply = np.minimum(voltage.reshape(log.time.size) / float(battery.reference_voltage), 1.0)
-    for rotor, sent in zip(vehicle.rotors, log.rotor_commands.T, strict=True):
-        yield f"rotor {rotor.name}", "rad/s", sent, float(rotor.min_speed) * supply, float(rotor.max_speed) * supply
+    setpoints = names_of(log).setpoints
+    limits = ActuatorLimits.of(vehicle, [unit is not None for unit in setpoints])
+    ranges = limits.rotor_ranges(tuple(log.component("battery_voltage").T))
+    for rotor, sent, (low, high) in zip(vehicle.rotors, log.rotor_commands.T, ranges, strict=True):
+        yield f"rotor {rotor.name}", "rad/s", sent, low, high
     tilting = [rotor for rotor in vehicle.rotors if rotor.tilt is not None]
     for rotor, sent in zip(tilting, log.tilt_commands.T, strict=True):
         yield f"tilt of rotor {rotor.name}", "rad", sent, float(rotor.tilt.lower), float(rotor.tilt.upper)
-    for link, sent, unit in zip(vehicle.links, log.efforts.T, names_of(log).setpoints, strict=True):
+    for link, sent, unit in zip(vehicle.links, log.efforts.T, setpoints, strict=True):
         joint, effort = link.joint, float(link.joint.effort_limit)
         if unit is None and effort > 0.0:  # a passive joint has no actuator
             yield f"joint {joint.name}", joint.units[1], sent, -effort, effort

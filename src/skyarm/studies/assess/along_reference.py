@@ -50,12 +50,18 @@ class Followed:
     Attributes:
         demand: demand of rotors and joints. rotors, joints: shares (rotors or n, K) of their limits.
         position: (3, K) of the base, m, world axes.
+        seconds: (K,) time that each instant stands for, s: instants of a short interval stand for less.
     """
 
     demand: ActuatorDemand
     rotors: Array
     joints: Array
     position: Array
+    seconds: Array
+
+    def share(self, at: Mask) -> float:
+        """Fraction of the flight's time in which a condition (K,) is true."""
+        return float(np.average(at, weights=self.seconds))
 
 
 def along_reference(scenario: Scenario, *, clearance: bool = False, carried: Sequence[Load] = ()) -> list[Finding]:
@@ -76,11 +82,11 @@ def along_reference(scenario: Scenario, *, clearance: bool = False, carried: Seq
     findings = _joint_limits(scenario, demand)
     fields = [(f"rotors[{rotor.name}]", "max_speed") for rotor in vehicle.rotors]
     pulls = demand.squared < -ROUNDING * np.max(demand.squared, axis=0)
-    findings.append(_saturation("rotors along the reference", demand, followed.rotors, fields, pulls))
+    findings.append(_saturation("rotors along the reference", followed, followed.rotors, fields, pulls))
     if vehicle.n:
         fields = [(f"joints[{joint.name}]", "effort_limit") for joint in vehicle.joints]
-        findings.append(_saturation("joints along the reference", demand, followed.joints, fields))
-        findings += servo_speeds(scenario, demand.time, demand.rates)
+        findings.append(_saturation("joints along the reference", followed, followed.joints, fields))
+        findings += servo_speeds(scenario, demand.time, demand.rates, followed.share)
     findings += _speed_steps(scenario)
     if clearance:
         findings += _clearance(scenario, followed)
@@ -98,6 +104,7 @@ def follow(parts: Sequence[FlightPart]) -> Followed:
         np.concatenate([piece.rotors for piece in pieces], axis=1),
         np.concatenate([piece.joints for piece in pieces], axis=1),
         np.concatenate([piece.position for piece in pieces], axis=1),
+        np.concatenate([piece.seconds for piece in pieces]),
     )
 
 
@@ -113,7 +120,7 @@ def _clearance(scenario: Scenario, followed: Followed) -> list[Finding]:
             continue
         rows = stack_values(len(demand.time), some.distances(*place, time=demand.time))
         i, k = np.unravel_index(int(np.argmin(rows)), rows.shape)
-        often = float(np.mean(np.any(rows < 0.0, axis=0)))
+        often = followed.share(np.any(rows < 0.0, axis=0))
         text = f"{some.names[i]} are {rows[i, k]:.3g} m apart at {demand.time[k]:.3g} s"
         text += f", with an overlap for {often:.1%} of the flight" if often else ""
         remedy = "a path farther from it, or another arm pose"
@@ -224,7 +231,8 @@ def _stretch(part: FlightPart, time: Array) -> Followed:
         demand = replace(demand, squared=speeds**2 + demand.squared - bare.squared, efforts=efforts)
     top = Allocation.of(vehicle).highest[:, None]
     position = stack_values(len(time), reference.position)
-    return Followed(demand, demand.squared / top, _effort_shares(part, demand), position)
+    seconds = np.full(len(time), time[1] - time[0])
+    return Followed(demand, demand.squared / top, _effort_shares(part, demand), position, seconds)
 
 
 def _joint_limits(scenario: Scenario, demand: ActuatorDemand) -> list[Finding]:
@@ -252,24 +260,24 @@ def _joint_limits(scenario: Scenario, demand: ActuatorDemand) -> list[Finding]:
 
 
 def _saturation(
-    question: str, demand: ActuatorDemand, share: Array, parts: list[tuple[str, str]], reversed_: Mask | None = None
+    question: str, followed: Followed, share: Array, parts: list[tuple[str, str]], reversed_: Mask | None = None
 ) -> Finding:
     """Check result for all rotors or all joints: which saturates first, when, and for what share of the flight."""
-    within = share <= 1.0  # false for what is no number
+    time, within = followed.demand.time, share <= 1.0  # false for what is no number
     outside = ~within if reversed_ is None else ~within | reversed_
     at_any = np.any(outside, axis=0)
-    often = float(np.mean(at_any))
+    often = followed.share(at_any)
     i, k = np.unravel_index(int(np.argmax(share)), share.shape)  # the first that is no number, if any
     name, field = parts[int(i)]
     finite = bool(np.isfinite(share[i, k]))
     most = f"at most {share[i, k]:.3g} of the limit" if finite else "a demand that is no finite number"
-    text = f"{most} ({name}, at {demand.time[k]:.3g} s)"
+    text = f"{most} ({name}, at {time[k]:.3g} s)"
     if not often:
         return Finding(question, OK, text, f"{name}.{field}", value=float(share[i, k]), limit=1.0)
     first = int(np.argmax(at_any))
     who = parts[int(np.argmax(outside[:, first]))][0]
     lowest = "" if reversed_ is None or not reversed_[:, first].any() else " at its lowest thrust"
-    text = f"saturates first{lowest} at {demand.time[first]:.3g} s ({who}), for {often:.1%} of the flight; {text}"
+    text = f"saturates first{lowest} at {time[first]:.3g} s ({who}), for {often:.1%} of the flight; {text}"
     return Finding(
         question,
         FAULT if often > OFTEN or not finite else WARNING,

@@ -32,6 +32,7 @@ from skyarm.studies.assess.arm_poses import POSES, ArmPoses, arm_poses
 from skyarm.studies.assess.causes import causes_first
 from skyarm.studies.assess.endurance import aloft_for, time_aloft
 from skyarm.studies.assess.finding import FAULT, NOTE, OK, UNITS, WARNING, Finding, finding_of_line, worst_level
+from skyarm.studies.assess.flight_loads import flight_parts
 from skyarm.studies.assess.joints import arm_workspace, joint_torques
 from skyarm.studies.assess.layout import disc_loading, links_like_rotors, rotor_layout, rotors_as_joints
 from skyarm.studies.assess.load_sharing import balance_of_bodies, balances, carried_loads, load_of, losses
@@ -226,11 +227,11 @@ def assess_scenario(scenario: Scenario, *, payload: float = 0.0, poses: int = PO
         about = once(plant.vehicle, gravity=float(plant.gravity))
         try:
             carried = carried_loads(scenario, name, bodies)
+            aloft = aloft_for(flight_parts(one, carried), payload)
             along = [*along_reference(one, clearance=True, carried=carried), *push_limits(one)]
             along += load_of(scenario, name, bodies, payload)
         except AllocationError:  # said by the vehicle's own findings
-            along = []
-        aloft = aloft_for(about.vehicle, about.gravity, scenario.duration)
+            aloft = along = []
         found = about.findings
         if one.agent.controller.name not in SHIPPED["law"]:  # which may turn rotors backwards
             found = tuple(replace(each, level=WARNING) if each.remedy == OWN_LAW else each for each in found)

@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+
 from skyarm.dynamics.actuators import AllocationError
 from skyarm.dynamics.actuators.hover import hover_trim
 from skyarm.records.immutable import positional
 from skyarm.studies.assess.finding import FAULT, NOTE, Finding, at_least
+from skyarm.studies.assess.flight_loads import FlightPart
 from skyarm.vehicle import Vehicle, VehicleError
 
 SHORTEST = 120.0
@@ -32,18 +37,40 @@ def time_aloft(vehicle: Vehicle, gravity: float, held: str = "") -> list[Finding
     return [at_least(question, hover.seconds, *words, warning=SHORTEST, unit="s")]
 
 
-def aloft_for(vehicle: Vehicle, gravity: float, duration: float) -> list[Finding]:
-    """Check result for the battery: a fault if hover endurance is below the flight's duration."""
-    if vehicle.battery is None or not vehicle.rotors or not _hovers(vehicle, gravity):
+def aloft_for(parts: Sequence[FlightPart], payload: float = 0.0) -> list[Finding]:
+    """Check result for the battery: a fault if hover endurance with the flight's loads is below its duration.
+
+    Args:
+        parts: parts of the flight, each with its loads.
+        payload: kg, a point mass at the tip in all of them.
+    """
+    battery, seconds, duration = parts[0].vehicle.battery, 0.0, parts[-1].stop
+    if battery is None or not parts[0].vehicle.rotors:
         return []
-    try:
-        hover = hover_time(vehicle, gravity)
-    except VehicleError:  # said by time_aloft
-        return []
-    field = "battery.charge" if float(vehicle.battery.charge) < 1.0 else "battery.capacity"
-    text = f"holds a hover for {hover.seconds:.3g} s, and the flight takes {duration:g} s"
+    charge = float(battery.charge)
+    for part in parts:
+        vehicle = part.vehicle.with_payload(payload) if payload else part.vehicle
+        gravity, lasts = float(part.scenario.agent.plant.gravity), part.stop - part.start
+        if vehicle.battery is None or not _hovers(vehicle, gravity):
+            return []  # a fault of the rotors, found elsewhere
+        try:
+            hover = hover_time(
+                replace(vehicle, battery=replace(vehicle.battery, charge=charge)),
+                gravity,
+                math.inf if part is parts[-1] else lasts,
+            )
+        except VehicleError:
+            if not seconds and not part.words:  # said by time_aloft
+                return []
+            break
+        seconds, charge = seconds + hover.seconds, hover.charge
+        if hover.seconds < lasts:
+            break
+    field = "battery.charge" if float(battery.charge) < 1.0 else "battery.capacity"
+    loads = " with its loads" if payload or any(part.words for part in parts) else ""
+    text = f"holds a hover{loads} for {seconds:.3g} s, and the flight takes {duration:g} s"
     words = (text, field, f"more of {field}, or a shorter duration")
-    return [at_least("battery over the flight", hover.seconds, *words, fault=duration, unit="s")]
+    return [at_least("battery over the flight", seconds, *words, fault=duration, unit="s")]
 
 
 def _hovers(vehicle: Vehicle, gravity: float) -> bool:
@@ -77,8 +104,8 @@ class HoverTime:
     voltage: float
 
 
-def hover_time(vehicle: Vehicle, gravity: float = 9.81) -> HoverTime:
-    """Endurance of a vehicle in level, motionless hover on its battery, arm at zero.
+def hover_time(vehicle: Vehicle, gravity: float = 9.81, longest: float = math.inf) -> HoverTime:
+    """Endurance of a vehicle in level, motionless hover on its battery, arm at zero, until ``longest`` (s).
 
     The load is constant power P, so that the charge q falls by dq/dt = -P / (V(q) capacity); it is summed over the
     charge by the midpoint rule, until the battery is empty, cannot give P (V_0^2 < 4 R P), or its voltage lets a rotor
@@ -110,6 +137,10 @@ def hover_time(vehicle: Vehicle, gravity: float = 9.81) -> HoverTime:
         middle = voltage_at(start - (i + 0.5) * width)
         if middle is None:
             break
-        voltage, charge = middle, start - (i + 1) * width
-        seconds += 3600.0 * float(battery.capacity) * width * middle / power
+        lasts = 3600.0 * float(battery.capacity) * width * middle / power
+        part = min(1.0, (longest - seconds) / lasts)
+        voltage, charge, seconds = middle, charge - part * width, seconds + part * lasts
+        if part < 1.0:
+            seconds = longest
+            break
     return HoverTime(seconds, power, max(charge, 0.0), voltage)

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 import numpy as np
 
 from skyarm.dynamics.actuators.servo import Servo
 from skyarm.dynamics.kinematics import Pose, link_poses
-from skyarm.records.arrays import Array, stack_values
+from skyarm.records.arrays import Array, Mask, stack_values
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.studies.assess.arm_poses import WRENCH, ArmPoses
 from skyarm.studies.assess.finding import FAULT, NOTE, OK, WARNING, Concern, Details, Finding, at_most
@@ -71,13 +72,14 @@ def servos(scenario: Scenario) -> list[tuple[int, Servo]]:
     return [(i, drive) for i, drive in named if isinstance(drive, Servo)]
 
 
-def servo_speeds(scenario: Scenario, time: Array, every_rate: Array) -> list[Finding]:
+def servo_speeds(scenario: Scenario, time: Array, every_rate: Array, share: Callable[[Mask], float]) -> list[Finding]:
     """Results of checking each servo's fastest reference rate against its rate limit and no-load speed.
 
     Args:
         scenario: scenario whose reference is followed exactly.
         time: (K,) s.
         every_rate: (n, K) of the reference's joints, rad/s or m/s.
+        share: condition (K,) -> fraction of the flight's time in which it is true.
     """
     findings = []
     for i, servo in servos(scenario):
@@ -86,7 +88,7 @@ def servo_speeds(scenario: Scenario, time: Array, every_rate: Array) -> list[Fin
             continue
         rates, unit = np.abs(every_rate[i]), f"{joint.units[0]}/s"
         k = int(np.argmax(rates))
-        late = float(np.mean(rates > top))
+        late = share(rates > top)
         field = f"drives.{joint.name}.speed_limit" if top == servo.speed_limit else f"drives.{joint.name}.voltage"
         level = OK if not late else FAULT if late > OFTEN else WARNING
         text = f"the reference asks for up to {rates[k]:.3g} {unit} (at {time[k]:.3g} s), the servo turns at {top:.3g}"

@@ -102,7 +102,8 @@ def flight_together(scenario: Scenario) -> list[Finding]:
     Loops that are stable alone may shake each other through the body.
     """
     try:
-        log = run(with_words(scenario, duration=min(scenario.duration, LONGEST), wind=NO_WIND, air=()))
+        duration, windows = min(scenario.duration, LONGEST), Windows(last=LAST)
+        log = run(with_words(scenario, duration=duration, windows=windows, wind=NO_WIND, air=()))
     except (ScenarioError, ControllerError) as error:
         return [Finding(QUESTION, NOTE, f"not known: {error}")]
     missed = [] if log.status == "completed" else [str(log.info["cause"])]
@@ -142,7 +143,7 @@ def largest(scenario: Scenario, most: Mapping[str, float]) -> dict[str, float]:
         columns=columns,
         episodes=np.zeros(count, dtype=int),
         metrics=(LAST_ERROR, LAST_TILT),
-        windows=Windows(steady=Window(DURATION - LAST, DURATION)),
+        windows=Windows(steady=Window(DURATION - LAST, DURATION), last=LAST),
         seed=scenario.seed,
         effort=0,
     )

@@ -25,7 +25,7 @@ from skyarm.studies.compare.entrants import Entrant
 from skyarm.studies.compare.perturbed_plants import draw, hardest
 from skyarm.studies.compare.suite import Case, Condition
 from skyarm.studies.flights import Rows, Work
-from skyarm.studies.sweep.intervals import bootstrap_mean, quantiles, wilson
+from skyarm.studies.sweep.intervals import mean_interval, quantiles, wilson
 
 JITTER, LIMITED = "rotor_jitter", "rotor_saturation"
 """Metrics that every table shows next to the tip error: RMS change of a rotor command per control period (rad/s),
@@ -236,10 +236,10 @@ def _spread(values: Array) -> Document | None:
     finite = finite[np.isfinite(finite)]
     if not finite.size:
         return None
-    low, high = bootstrap_mean(finite) if finite.size > 1 else (float(finite[0]),) * 2
+    interval = mean_interval(finite)
     return {
         "mean": float(finite.mean()),
-        "mean_interval": [low, high],
+        "mean_interval": interval and list(interval),
         "p95": quantiles(finite, [0.95])[0],
         "max": float(finite.max()),
     }

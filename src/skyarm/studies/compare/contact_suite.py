@@ -219,7 +219,9 @@ def cell_record(task: Task, cell: Cell, weight: float, phases: int) -> Document:
     record["success_interval"] = list(wilson(good, count))
     record["causes"] = dict(causes.most_common())
     for name, (metric, _, _, percentile) in NUMBERS.items():
-        values = cell.metrics[metric][cell.completed]
+        # of an unfinished task the time is that of an earlier phase
+        counted = cell.completed & (cell.metrics["phases_done"] >= phases) if name == "time" else cell.completed
+        values = cell.metrics[metric][counted]
         inside = np.abs(values[np.isfinite(values)])
         record[name] = float(np.percentile(inside, percentile)) if inside.size else None
     if not phases:  # the plan says when it is over

@@ -230,22 +230,24 @@ class Locus:
 def hover_loci(scenario: Scenario) -> list[Locus]:
     """Nyquist loci of a scenario in hover: the weakest loop of each kind; empty if the vehicle crashes."""
     hover = frozen_hover(scenario)
-    return [] if hover is None else loci(hover.open_loop("down"))
+    return [] if hover is None else loci([hover.open_loop(lag) for lag in LAGS])
 
 
-def loci(loop: OpenLoop) -> list[Locus]:
-    """Nyquist loci of a linearised loop: the weakest channel of each kind; empty if it is unstable.
+def loci(loops: Sequence[OpenLoop]) -> list[Locus]:
+    """Nyquist loci of a loop, linearised with several lags: the weakest channel of each kind; empty if unstable.
 
     With T from what is added to a channel to the channel itself, closed, the loop under negative feedback is
     -T / (1 + T).
     """
-    as_it_is = close_loop(loop)
-    z = np.linalg.eigvals(as_it_is.matrix(gains(loop))).astype(complex)
-    if np.abs(z).max(initial=0.0) > EDGE:
-        return []
-    cut = cut_loops(loop, as_it_is, z, measured=True, stable=True)
+    cuts = []
+    for loop in loops:
+        as_it_is = close_loop(loop)
+        z = np.linalg.eigvals(as_it_is.matrix(gains(loop))).astype(complex)
+        if np.abs(z).max(initial=0.0) > EDGE:
+            return []
+        cuts.append(cut_loops(loop, as_it_is, z, measured=True, stable=True))
     weakest: dict[tuple[str, str], Locus] = {}
-    for name, port in cut.ports.items():
+    for name, port in (each for cut in cuts for each in cut.ports.items()):
         even = np.geomspace(port.frequencies[0], port.frequencies[-1], POINTS)
         every = port.response.at(np.union1d(port.frequencies, even))
         for i, margin in enumerate(port.alone(name, LONGEST, stable=True)):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
+from dataclasses import replace
 
 from skyarm.records.text_tables import Row, aligned_lines
 from skyarm.studies.stability.disk_margins import LoopMargin
@@ -25,8 +26,9 @@ LOOP_HEAD = ("weakest loop", "disk", "gain", "phase", "rad/s", "delay", "togethe
 LOOP_NOTE = """\
 disk: symmetric disk margin, from 0 (unstable) to 2; gain, phase (deg):
 tolerated by this loop, the others unchanged; rad/s: most sensitive frequency;
-delay: tolerated dead time of this loop alone, ms; together: disk margin of
-all loops of its kind, each with its own factor. The smallest of all instants."""
+delay: tolerated dead time of one loop of its kind alone, ms, the least of all;
+together: disk margin of all loops of its kind, each with its own factor. Disk
+and delay are the smallest of all instants, each by itself."""
 
 GROUPS_ALONE = ("all commands", "all measurements")
 
@@ -87,19 +89,23 @@ def loop_rows(found: Evidence, *, every: bool) -> list[Row]:
     rows: list[Row] = [LOOP_HEAD if not every else ("loop", *LOOP_HEAD[1:])]
     for group in dict.fromkeys(each.group for each in alone.values()):
         members = [each for each in alone.values() if each.group == group]
-        listed = members if every else [min(members, key=lambda each: float(each.disk))]
+        listed = members if every else [_weakest(members)]
         together = f"{several[group].disk:.2f}" if group in several else ""
         rows += [(*_cells(each), together if each is listed[-1] else "") for each in listed]
     return rows + [(*_cells(several[name]), f"{several[name].disk:.2f}") for name in GROUPS_ALONE if name in several]
 
 
 def _smallest(margins: Iterable[LoopMargin]) -> dict[str, LoopMargin]:
-    """Keep the smallest disk margin of each loop over all instants, by the loop's name."""
-    least: dict[str, LoopMargin] = {}
+    """Smallest margins of each loop over all instants, by the loop's name."""
+    by_name: dict[str, list[LoopMargin]] = {}
     for each in margins:
-        if each.name not in least or each.disk < least[each.name].disk:
-            least[each.name] = each
-    return least
+        by_name.setdefault(each.name, []).append(each)
+    return {name: _weakest(several) for name, several in by_name.items()}
+
+
+def _weakest(several: Sequence[LoopMargin]) -> LoopMargin:
+    """Margin with the smallest disk, and with the smallest delay, which may be that of another one."""
+    return replace(min(several, key=lambda each: float(each.disk)), delay=min(float(each.delay) for each in several))
 
 
 def _cells(each: LoopMargin) -> Row:
@@ -114,7 +120,7 @@ WORDS = (
     "<p>The disk margin is how far gain and phase of a loop may change together, from 0 (unstable) to 2: gain and "
     "phase (degrees) are what it leaves of each alone, rad/s is the most sensitive frequency, delay the tolerated dead "
     "time (ms) of this loop alone, together the disk margin of all loops of its kind under factors of their own. "
-    "Each number is the smallest of all instants.</p>"
+    "Disk and delay are the smallest of all instants, each by itself.</p>"
 )
 
 CAPTION = (

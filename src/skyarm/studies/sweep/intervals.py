@@ -4,26 +4,19 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from functools import lru_cache
 from statistics import NormalDist
 
 import numpy as np
 
 from skyarm.records.arrays import Array
 
-RESAMPLES = 2000
 
-GROUPS = 2**14
-"""Number of values from which a mean is resampled; more are first averaged in groups of equal size."""
-
-BLOCK = 2**18
-"""Number of values resampled at a time: few resamples of many values, or many of few."""
-
-
-def wilson(successes: int, count: int, confidence: float = 0.95) -> tuple[float, float]:
+def wilson(successes: float, count: int, confidence: float = 0.95) -> tuple[float, float]:
     """Wilson score interval of a proportion.
 
     Args:
-        successes: number of successes.
+        successes: number of successes; one that is shared counts half.
         count: number of trials; the interval of none is (0, 1).
         confidence: coverage.
 
@@ -48,57 +41,87 @@ def quantiles(values: Array, shares: Sequence[float]) -> list[float]:
     return [float(ordered[_rank(share, ordered.size) - 1]) for share in shares]
 
 
-def bootstrap_quantiles(
-    values: Array, shares: Sequence[float], seed: int = 0, confidence: float = 0.95, resamples: int = RESAMPLES
-) -> list[tuple[float, float]]:
-    """Percentile bootstrap intervals of quantiles.
+def quantile_intervals(
+    values: Array, shares: Sequence[float], confidence: float = 0.95
+) -> list[tuple[float, float] | None]:
+    """Confidence intervals of quantiles between order statistics, for any distribution of the values.
 
-    The r-th smallest of n values drawn with replacement is the value at place ceil(n U) with U the r-th smallest of n
-    uniform numbers, which is Beta(r, n - r + 1): the resampled quantile is drawn without resampling the values.
+    The number of values below a quantile is binomial. None where its ends would lie beyond the least or largest value:
+    95 % of a median takes 6 values, of the quantile 0.95 72 of them.
 
-    Source: Efron 1979; Hutson, Ernst 2000, "The exact bootstrap mean and variance of an L-estimator".
+    Source: David, Nagaraja 2003, "Order statistics", section 7.1.
     """
     ordered = np.sort(values)
-    n, generator = ordered.size, np.random.default_rng(seed)
-    intervals = []
-    for share in shares:
-        r = _rank(share, n)
-        places = np.ceil(n * generator.beta(r, n - r + 1, resamples)).astype(int)
-        intervals.append(_percentile(ordered[np.clip(places, 1, n) - 1], confidence))
-    return intervals
+    ranks = [_interval_ranks(ordered.size, share, confidence) for share in shares]
+    return [pair and (float(ordered[pair[0]]), float(ordered[pair[1]])) for pair in ranks]
 
 
-def bootstrap_mean(
-    values: Array, seed: int = 0, confidence: float = 0.95, resamples: int = RESAMPLES
-) -> tuple[float, float]:
-    """Percentile bootstrap interval of a mean.
+@lru_cache(maxsize=256)
+def _interval_ranks(count: int, share: float, confidence: float) -> tuple[int, int] | None:
+    """Indices of the order statistics around a quantile, each end with half of the error; None if there are none."""
+    tail, k = 0.5 * (1.0 - confidence), np.arange(1.0, count + 1.0)
+    ratios = np.log((count + 1.0 - k) / k) + math.log(share / (1.0 - share))
+    below = np.cumsum(np.exp(np.cumsum([count * math.log1p(-share), *ratios])))  # P(at most 0, 1, ... values)
+    low, high = int(np.searchsorted(below, tail, "right")), int(np.searchsorted(below, 1.0 - tail)) + 1
+    return (low - 1, high - 1) if low >= 1 and high <= count else None
 
-    Source: Efron 1979.
+
+def mean_interval(values: Array, confidence: float = 0.95) -> tuple[float, float] | None:
+    """Confidence interval of a mean by Student's t; None for fewer than two values, or for equal ones.
+
+    Source: Student 1908, "The probable error of a mean".
     """
-    groups = _group_means(values)
-    generator = np.random.default_rng(seed)
-    means = np.empty(resamples)
-    block = max(1, BLOCK // groups.size)
-    for first in range(0, resamples, block):
-        count = min(block, resamples - first)
-        means[first : first + count] = groups[generator.integers(0, groups.size, (count, groups.size))].mean(axis=1)
-    return _percentile(means, confidence)
+    if values.size < 2 or values.min() == values.max():
+        return None
+    half = _student_quantile(values.size - 1, confidence) * float(values.std(ddof=1)) / math.sqrt(values.size)
+    return float(values.mean()) - half, float(values.mean()) + half
+
+
+MOST_DEGREES = 10_000
+"""Degrees of freedom of Student's t from which on they no longer count: its quantiles are 0.01 % above the normal's."""
+
+
+@lru_cache(maxsize=256)
+def _student_quantile(degrees: int, confidence: float) -> float:
+    """Largest size of Student's t that a probability of ``confidence`` leaves, by bisection of its finite series.
+
+    Source: Abramowitz, Stegun 1964, equations 26.7.3 and 26.7.4.
+    """
+    n = min(degrees, MOST_DEGREES)
+    k = np.arange(2 + n % 2, n, 2)  # the first term is 1, then each is (k - 1) / k times the one before
+    factors = np.cumprod([1.0, *((k - 1.0) / k)])
+    low, high = 0.0, 0.5 * math.pi
+    for _ in range(60):
+        angle = 0.5 * (low + high)
+        powers = math.cos(angle) ** (2.0 * np.arange(factors.size) + n % 2)
+        within = math.sin(angle) * float(factors @ powers)
+        if n % 2:
+            within = 2.0 / math.pi * (angle + (within if n > 1 else 0.0))
+        low, high = (angle, high) if within < confidence else (low, angle)
+    return math.sqrt(n) * math.tan(low)
+
+
+def paired_difference(
+    both: int, only_first: int, only_second: int, neither: int, confidence: float = 0.95
+) -> tuple[float, float]:
+    """Score interval of the difference of two success rates on the same episodes, from the counts of pairs.
+
+    Source: Newcombe 1998, "Improved confidence intervals for the difference between binomial proportions based on
+    paired data", method 10.
+    """
+    count, first, second = both + only_first + only_second + neither, both + only_first, both + only_second
+    low_1, high_1 = (abs(first / count - end) for end in wilson(first, count, confidence))
+    low_2, high_2 = (abs(second / count - end) for end in wilson(second, count, confidence))
+    spread = math.sqrt(first * (count - first) * second * (count - second))
+    covariance = both * neither - only_first * only_second
+    phi = (max(covariance - 0.5 * count, 0.0) if covariance > 0 else covariance) / spread if spread else 0.0
+
+    def together(a: float, b: float) -> float:
+        return math.sqrt(a * a - 2.0 * phi * a * b + b * b)
+
+    difference = (only_first - only_second) / count
+    return difference - together(low_1, high_2), difference + together(high_1, low_2)
 
 
 def _rank(share: float, count: int) -> int:
     return min(max(math.ceil(share * count), 1), count)
-
-
-def _percentile(resampled: Array, confidence: float) -> tuple[float, float]:
-    ordered = np.sort(resampled)
-    tail = 0.5 * (1.0 - confidence)
-    return float(ordered[_rank(tail, ordered.size) - 1]), float(ordered[_rank(1.0 - tail, ordered.size) - 1])
-
-
-def _group_means(values: Array) -> Array:
-    """Values, or means of groups of consecutive values if there are many, for a faster bootstrap."""
-    size = -(-values.size // GROUPS)
-    if size == 1:
-        return values
-    whole = values.size // size * size
-    return np.asarray(values[:whole].reshape(-1, size).mean(axis=1))

@@ -18,7 +18,7 @@ from skyarm.records.files import PathLike, did_you_mean, file_names, number, sho
 from skyarm.records.immutable import immutable
 from skyarm.scenario.numbers import axis_label, words_of
 from skyarm.studies.flights.store import read_column, require_parquet
-from skyarm.studies.sweep.intervals import bootstrap_mean, bootstrap_quantiles, quantiles, wilson
+from skyarm.studies.sweep.intervals import mean_interval, paired_difference, quantile_intervals, quantiles, wilson
 from skyarm.studies.sweep.manifest import MANIFEST, Manifest, read_manifest
 from skyarm.studies.sweep.rows import not_counted, rows_there
 from skyarm.studies.sweep.study import StudyError
@@ -134,11 +134,13 @@ def parse_limits(texts: list[str]) -> dict[str, float]:
     """Parse success limits from ``metric=value`` texts.
 
     Raises:
-        StudyError: a text of another form.
+        StudyError: a text of another form, or a metric twice.
     """
     limits = {}
     for text in texts:
         name, _, value = text.partition("=")
+        if name.strip() in limits:
+            raise StudyError(f"--success = {shown(text)}: must name each metric once")
         try:
             limits[name.strip()] = number(float(value), name)
         except ValueError:
@@ -148,18 +150,18 @@ def parse_limits(texts: list[str]) -> dict[str, float]:
     return limits
 
 
-def statistics(rows: Rows, *, seed: int = 0, confidence: float = 0.95) -> Facts:
+def statistics(rows: Rows, *, confidence: float = 0.95) -> Facts:
     """Statistics of a sweep as plain data: success rates, quantiles and paired differences.
 
     Args:
         rows: rows of the study.
-        seed: seed of the bootstrap.
         confidence: coverage of all intervals.
 
     Returns:
         Success and quantiles of each controller, and differences of each pair. Metrics are those of episodes that flew
         to their end; paired ones, of episodes that did so with both. Where nothing was drawn at random
-        ("deterministic") intervals are null: the same study gives the same numbers again, and samples no others.
+        ("deterministic") intervals are null: the same study gives the same numbers again, and samples no others. So is
+        the interval of a mean or quantile of which there are too few values for one.
     """
     wins = {controller: rows.succeeded(controller) for controller in rows.controllers}
     flew = {controller: rows.of(controller, "status") == "completed" for controller in rows.controllers}
@@ -173,7 +175,6 @@ def statistics(rows: Rows, *, seed: int = 0, confidence: float = 0.95) -> Facts:
         "episodes": rows.episodes,
         "deterministic": rows.deterministic,
         "confidence": confidence,
-        "seed": seed,
         "limits": rows.limits,
         "controllers": {},
         "paired": {},
@@ -190,16 +191,16 @@ def statistics(rows: Rows, *, seed: int = 0, confidence: float = 0.95) -> Facts:
         }
     pairs = list(combinations(rows.controllers, 2))
     for one, other in pairs:
-        facts["paired"][f"{one} - {other}"] = _success_difference(wins[one], wins[other], seed, confidence)
+        facts["paired"][f"{one} - {other}"] = _success_difference(wins[one], wins[other], confidence)
     for metric in rows.metrics:
         columns = {controller: rows.of(controller, metric) for controller in rows.controllers}
         for controller, column in columns.items():
             flown = column[flew[controller] & np.isfinite(column)]
-            facts["controllers"][controller]["metrics"][metric] = _spread(flown, seed, confidence)
+            facts["controllers"][controller]["metrics"][metric] = _spread(flown, confidence)
         for one, other in pairs:
             difference = columns[one] - columns[other]
             flown = difference[flew[one] & flew[other] & np.isfinite(difference)]
-            facts["paired"][f"{one} - {other}"]["metrics"][metric] = _difference_statistics(flown, seed, confidence)
+            facts["paired"][f"{one} - {other}"]["metrics"][metric] = _difference_statistics(flown, confidence)
     return _without_intervals(facts) if rows.deterministic else facts
 
 
@@ -209,45 +210,44 @@ def _without_intervals(facts: Facts) -> Facts:
     return {key: None if key == "intervals" or key.endswith("_interval") else each for key, each in every.items()}
 
 
-def _spread(values: Array, seed: int, confidence: float) -> Facts | None:
+def _spread(values: Array, confidence: float) -> Facts | None:
     if not values.size:
         return None
     return {
         "count": int(values.size),
         "mean": float(values.mean()),
         "quantiles": dict(zip(map(str, SHARES), quantiles(values, SHARES), strict=True)),
-        "intervals": dict(zip(map(str, SHARES), bootstrap_quantiles(values, SHARES, seed, confidence), strict=True)),
+        "intervals": dict(zip(map(str, SHARES), quantile_intervals(values, SHARES, confidence), strict=True)),
     }
 
 
-def _difference_statistics(difference: Array, seed: int, confidence: float) -> Facts | None:
+def _difference_statistics(difference: Array, confidence: float) -> Facts | None:
     """Mean and median of paired differences, and share of negative ones (ties count half)."""
     if not difference.size:
         return None
-    smaller = int((difference < 0.0).sum()) + int((difference == 0.0).sum()) // 2
+    smaller = float((difference < 0.0).sum() + 0.5 * (difference == 0.0).sum())
     return {
         "count": int(difference.size),
         "mean": float(difference.mean()),
-        "mean_interval": bootstrap_mean(difference, seed, confidence),
+        "mean_interval": mean_interval(difference, confidence),
         "median": quantiles(difference, (0.5,))[0],
-        "median_interval": bootstrap_quantiles(difference, (0.5,), seed, confidence)[0],
+        "median_interval": quantile_intervals(difference, (0.5,), confidence)[0],
         "first_smaller": smaller / difference.size,
         "first_smaller_interval": wilson(smaller, int(difference.size), confidence),
     }
 
 
-def _success_difference(one: Array, other: Array, seed: int, confidence: float) -> Facts:
+def _success_difference(one: Array, other: Array, confidence: float) -> Facts:
     counts = {
         "both": int((one & other).sum()),
         "only_first": int((one & ~other).sum()),
         "only_second": int((~one & other).sum()),
         "neither": int((~one & ~other).sum()),
     }
-    difference = one.astype(float) - other.astype(float)
     return {
         "success": counts,
-        "success_difference": float(difference.mean()),
-        "success_difference_interval": bootstrap_mean(difference, seed, confidence),
+        "success_difference": (counts["only_first"] - counts["only_second"]) / one.size,
+        "success_difference_interval": paired_difference(**counts, confidence=confidence),
         "metrics": {},
     }
 
