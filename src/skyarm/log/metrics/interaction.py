@@ -277,7 +277,12 @@ TOTALED: Mapping[str, tuple[str, Callable[[Any], AnyArray], str, str]] = {
     "contact_tip_max": (
         "push", lambda of: _if_met(of, of.farthest), "largest tip error along the surface in contact", "m"
     ),
-    "phases_time": ("phases", lambda of: np.asarray(of.when), "time at which the last phase ended", "s"),
+    "phases_time": (
+        "phases",
+        lambda of: np.asarray(of.when),
+        "time at which the latest phase ended; see phases_done for whether all have",
+        "s",
+    ),
     "grip_force_mean": (
         "grip", lambda of: _if_gripped(of, of.force / np.maximum(np.asarray(of.held), 1)),
         "mean radial force on the gripped handle", "N",
