@@ -14,7 +14,7 @@ from law_parts import with_parts
 
 import skyarm
 from skyarm.algebra import Sym3, Vec3
-from skyarm.control.actuator_layer import with_actuators
+from skyarm.control.actuator_layer import with_actuators, with_consequences
 from skyarm.control.catalogue import make_controller
 from skyarm.control.controller import innermost, with_innermost
 from skyarm.control.law_estimates import lags_found, observed_push
@@ -209,6 +209,33 @@ def test_the_law_itself_is_found_under_two_layers_and_three(kind):
     still = innermost(without_adaptation(flown).controller.par)
     assert own.parts.adaptation.load is not None
     assert still.parts.adaptation.load is None
+
+
+ROTORS = ("par", "model", "vehicle", "rotors")
+
+
+@pytest.mark.parametrize("kind", ["tilts", "servos", "tilts and servos"])
+def test_a_rotor_number_replaced_by_its_own_value_changes_nothing(kind):
+    law = layered(kind)
+    assert with_consequences(law, [(*ROTORS, 0, "thrust_coefficient")], 0.005) == law
+
+
+def test_a_slower_tilt_servo_is_led_by_its_lag_over_that_of_the_motor():
+    law = layered("tilts and servos")
+    vehicle = law.par.model.vehicle
+    slow = (0.045, 0.001, 9.0, *(float(tilt.time_constant) for tilt in vehicle.tilts[3:]))
+    rotors = [
+        dataclasses.replace(r, tilt=dataclasses.replace(r.tilt, time_constant=t))
+        for r, t in zip(vehicle.rotors, slow, strict=True)
+    ]
+    model = dataclasses.replace(law.par.model, vehicle=dataclasses.replace(vehicle, rotors=tuple(rotors)))
+    changed = dataclasses.replace(law, par=dataclasses.replace(law.par, model=model))
+    places = [(*ROTORS, i, "tilt", "time_constant") for i in range(3)]
+    found = with_consequences(changed, places, 0.005).par.inner.lead
+    lags = [0.5 * float(r.time_constant_up + r.time_constant_down) for r in vehicle.rotors]
+    np.testing.assert_allclose(found, np.clip(np.array(slow) / lags, 1.0, 3.0), rtol=1e-12)
+    kept = with_consequences(changed, [*places, ("par", "inner", "lead", 0)], 0.005)
+    assert kept.par.inner.lead == law.par.inner.lead
 
 
 @pytest.mark.parametrize("kind", ["tilts", "servos"])

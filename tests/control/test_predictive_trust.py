@@ -6,6 +6,7 @@ import dataclasses
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from skyarm.algebra import Quaternion, Vec3
 from skyarm.control.catalogue import make_controller
@@ -196,6 +197,34 @@ def test_the_fallback_in_place_holds_the_hover_and_leans_against_a_push():
     behind = int(np.argmin([float(rotor.position.x) for rotor in ARM2.rotors]))
     ahead = int(np.argmax([float(rotor.position.x) for rotor in ARM2.rotors]))
     assert squares[ahead] > squares[behind]
+
+
+def test_the_fallback_that_leans_against_a_push_holds_an_arm_at_rest():
+    """In equilibrium the thrust is weight less push, and the joints carry the weight of what hangs on them."""
+    push, weight = np.array([1.0, -0.6, 0.4]), np.array([0.0, 0.0, float(ARM2.mass) * 9.81])
+    up = (weight - push) / np.linalg.norm(weight - push)
+    b2 = np.cross(up, [1.0, 0.0, 0.0]) / np.linalg.norm(np.cross(up, [1.0, 0.0, 0.0]))
+    R = np.column_stack([np.cross(b2, up), b2, up])
+    x, y, z, w = Rotation.from_matrix(R).as_quat()
+    leaning = hovering(
+        quaternion=Quaternion(w, x, y, z), specific_force=Vec3(*(R.T @ (weight - push)) / float(ARM2.mass))
+    )
+    command = fallback_command(leaning, [*push, *(0.0,) * 5])
+    squares = np.array(command.rotor_speeds) ** 2
+    thrust = float(squares @ [float(r.thrust_coefficient) for r in ARM2.rotors])
+    assert thrust == pytest.approx(np.linalg.norm(weight - push), rel=1e-9)
+    place, turned, joints, bodies = np.zeros(3), R, [], []
+    for link in ARM2.links:
+        place = place + turned @ np.array([*link.joint.position], dtype=float)
+        turned = turned @ np.array([[*row] for row in link.joint.rotation.rows], dtype=float)
+        joints.append((place, turned @ np.array([*link.joint.axis], dtype=float)))
+        bodies.append((place + turned @ np.array([*link.body.com], dtype=float), float(link.body.mass)))
+    held = [
+        sum(axis @ np.cross(com - at, [0.0, 0.0, mass * 9.81]) for com, mass in bodies[i:])
+        for i, (at, axis) in enumerate(joints)
+    ]
+    assert np.abs(held).min() > 0.005
+    np.testing.assert_allclose(command.efforts, held, atol=1e-9)
 
 
 def test_the_fallback_far_off_asks_for_no_more_lean_than_it_can_climb_with():

@@ -8,9 +8,14 @@ import math
 import numpy as np
 import pytest
 
+import skyarm
+from skyarm.control.catalogue import make_controller
 from skyarm.control.model import Model
+from skyarm.control.safety import with_safety_layer
 from skyarm.control.safety.bounds import govern_base, govern_joints
 from skyarm.control.safety.limits import limits_for
+from skyarm.reference import Reference
+from skyarm.sensing.measurement import blank_measurement
 from support.laws import ARM2, cases, controller, vec
 
 STIFFNESS, DAMPING, GRAVITY = 6.0, 3.5, 9.3
@@ -83,6 +88,33 @@ def test_the_governed_reference_follows_the_four_rules(seed):
             # what moves with the measurement has no higher derivatives
             assert getattr(found.jerk, name) == getattr(found.snap, name) == 0.0
     assert (found.yaw, found.joints) == (reference.yaw, reference.joints)
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_a_planned_centre_of_mass_and_a_preview_move_with_the_governed_base(seed):
+    rng = np.random.default_rng(seed)
+    center, ahead = rng.normal(size=(5, 3)), rng.normal(size=(2, 6, 3))
+    reference, found = governed(drawn(seed), center=tuple(center.ravel()), ahead=tuple(ahead.ravel()))
+    names = ("position", "velocity", "acceleration", "jerk", "snap")
+    moved = np.array([array(getattr(found, name)) - array(getattr(reference, name)) for name in names])
+    np.testing.assert_allclose(np.reshape(found.center, (5, 3)), center + moved, atol=1e-12)
+    later = np.reshape(found.ahead, (2, 6, 3))
+    # x, y, z of each sample, with two derivatives; heading and joints stay
+    np.testing.assert_allclose(later[:, :3], ahead[:, :3] + moved[:3].T, atol=1e-12)
+    np.testing.assert_array_equal(later[:, 3:], ahead[:, 3:])
+
+
+def test_a_law_on_a_plan_climbs_no_harder_than_the_limit():
+    """A plan 30 m above: the rotors of a level vehicle push at most its mass times gravity and the limit."""
+    bird = skyarm.load_vehicle("hummingbird")
+    law = make_controller("centroidal", Model(vehicle=bird))
+    guarded = with_safety_layer(law, {"climb": 1.0, "step": 1e-6, "step_speed": 1e-6})
+    hover = math.sqrt(float(bird.mass) * 9.81 / sum(float(r.thrust_coefficient) for r in bird.rotors))
+    seen = dataclasses.replace(blank_measurement(0, 4), specific_force=vec([0.0, 0.0, 9.81]), rotor_speeds=(hover,) * 4)
+    plan = Reference(position=vec([0.0, 0.0, 30.0]), center=(0.0, 0.0, 30.0, *(0.0,) * 12)).dense()
+    _, command = guarded.law(guarded.memory, seen, plan, 0.005, par=guarded.par)
+    pushes = [float(r.thrust_coefficient) * w * w for r, w in zip(bird.rotors, command.rotor_speeds, strict=True)]
+    assert 9.81 < sum(pushes) / float(bird.mass) < 9.81 + 1.0 + 1e-3
 
 
 def test_the_cases_meet_every_rule():

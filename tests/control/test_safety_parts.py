@@ -12,6 +12,7 @@ from scipy.spatial.transform import Rotation
 import skyarm
 from skyarm import dynamics
 from skyarm.algebra import ZERO3, Force, Mat3, Vec3
+from skyarm.control.catalogue import HUMMINGBIRD, make_controller
 from skyarm.control.controller import ControllerError, with_applied_command
 from skyarm.control.model import Model
 from skyarm.control.safety import with_safety_layer
@@ -25,7 +26,7 @@ from skyarm.control.safety.bounds import (
     reachable,
     with_priorities,
 )
-from skyarm.control.safety.limits import limits_for
+from skyarm.control.safety.limits import law_stiffness, limits_for
 from skyarm.control.safety.recovery import Confidence, steep_error, update_confidence
 from skyarm.dynamics.actuators import Command, allocation_matrix, make_mixer
 from skyarm.dynamics.workspace import middle_position
@@ -61,6 +62,25 @@ def test_the_stiffness_of_the_papers_laws_is_found():
         # the computed torque accelerates the whole vehicle by gains over its mass, as RotorS's law does; differences of
         # thrusts of 7 N by 1e-3 m leave 1e-9
         assert (limits.stiffness, limits.damping) == pytest.approx(expected, rel=1e-6)
+
+
+def test_the_stiffness_of_increments_on_measured_thrust_is_that_of_the_gains():
+    mass = float(ARM2.mass)
+    limits = limits_for(make_controller("indi", MODEL, gains=HUMMINGBIRD))
+    assert (limits.stiffness, limits.damping) == pytest.approx((4.0 / mass, 2.2 / mass), rel=1e-6)
+
+
+def test_a_law_that_starts_gently_is_as_stiff_as_it_is_in_flight():
+    model = Model(vehicle=skyarm.load_vehicle("hummingbird"))
+    # of a known delay of 40 ms and more the bandwidth grows in 1.5 s from a quarter
+    soon, late = (law_stiffness(make_controller("centroidal", model, delay=delay)) for delay in (0.035, 0.04))
+    assert late == pytest.approx(soon, rel=1e-6)
+
+
+def test_a_law_that_keeps_the_tip_keeps_it_under_the_layer():
+    for keeps in (False, True):
+        law = dataclasses.replace(controller("hybrid_computed_torque"), keeps_tip=keeps)
+        assert with_safety_layer(law).keeps_tip is keeps
 
 
 def test_whatever_the_errors_the_tilt_and_climb_asked_for_stay_within_their_limits():
@@ -136,6 +156,16 @@ def test_the_fence_leaves_torques_far_from_limits_alone_bit_for_bit():
     limits = limits_for(controller("hybrid_computed_torque", model), joint_speed=100.0)
     measurement = CASES[1].measurement()
     assert apply_joint_barrier(model, limits, measurement, (0.01, -0.02)) == (0.01, -0.02)
+
+
+def test_the_fence_knows_what_friction_brakes():
+    """A motor that turns a damped joint at a constant rate, against damping times rate, is far from every limit."""
+    vehicle = ARM2.with_joints(lower=-20.0, upper=20.0, damping=0.3)
+    model = Model(vehicle=vehicle, gravity=9.81)
+    limits = limits_for(controller("hybrid_computed_torque", model), joint_speed=1.2)
+    case = dataclasses.replace(CASES[1], w=np.zeros(3), q=np.zeros(2), qd=np.array([1.0, 0.0]))
+    efforts = (0.3 * 1.0, 0.0)
+    assert apply_joint_barrier(model, limits, case.measurement(), efforts) == efforts
 
 
 def test_the_fence_brakes_a_joint_that_runs_at_its_limit():

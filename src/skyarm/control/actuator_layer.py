@@ -15,7 +15,7 @@ from skyarm.control.blocks.filters import double_pole, low_pass_share
 from skyarm.control.controller import Controller, ControllerError, Law, innermost, with_innermost
 from skyarm.control.law_checks import check_controller, checked_law, wrong
 from skyarm.control.model import LayerParameters, Model
-from skyarm.control.vectored_layer import VectoredMemory, angles_seen
+from skyarm.control.vectored_layer import VectoredMemory, angles_seen, pairs_model, turns_rotors, with_leads
 from skyarm.dynamics.actuators import Command, joint_force, make_mixer
 from skyarm.dynamics.actuators.drive import TORQUE_DRIVE, Drive
 from skyarm.dynamics.actuators.rotor import push, speed_of_push
@@ -208,8 +208,10 @@ def with_consequences(controller: Controller, changed: Collection[Place], contro
     vehicle, par, memory = ("par", "model", "vehicle"), controller.par, controller.memory
     inside = [place[len(vehicle) :] for place in changed if place[: len(vehicle)] == vehicle]
     if any(place[0] == "rotors" for place in inside):
-        mixer = make_mixer(par.model.vehicle, par.mixer.policy, bool(par.mixer.across))
-        controller = replace(controller, par=replace(par, mixer=mixer))
+        old, allocated = par.mixer, pairs_model(par.model) if turns_rotors(controller) else par.model
+        mixer = make_mixer(allocated.vehicle, old.policy, bool(old.across), old.yaw_slack)
+        par = replace(par, mixer=mixer)
+        controller = replace(controller, par=par if any("lead" in place for place in changed) else with_leads(par))
     own = innermost(controller.par)
     if any(place[0] in ("base", "links") for place in inside) and hasattr(own, "refit"):
         constants, begun = own.refit(innermost(memory), par.model, control_period)

@@ -23,11 +23,11 @@ from skyarm.dynamics.actuators.tilting import (
     turn_rotors,
 )
 from skyarm.records.immutable import immutable
+from skyarm.records.leaves import is_record
 from skyarm.records.units import Unit
 from skyarm.reference import Reference
 from skyarm.sensing.measurement import Measurement
 from skyarm.vehicle import Rotor, Vehicle
-from skyarm.vehicle.tilt import Tilt
 
 MOST_LEAD = 3.0
 """Largest lead factor of a tilt servo's setpoint: it amplifies noise in the angle by as much."""
@@ -135,18 +135,27 @@ def with_tilting(controller: Controller, model: Model) -> Controller:
     return replace(
         controller,
         law=law,
-        par=VectoredParameters.around(
-            controller.par,
-            model=model,
-            lead=tuple(_lead(rotor, rotor.tilt) for rotor in vehicle.rotors if rotor.tilt is not None),
-        ),
+        par=VectoredParameters.around(controller.par, model=model, lead=_leads(vehicle)),
         memory=VectoredMemory(inner=controller.memory, goals=rest, angles=rest, matched=rest),
     )
 
 
-def _lead(rotor: Rotor, tilt: Tilt) -> float:
-    """Lead factor on a tilt servo's setpoint that makes its lag equal to the rotor's motor lag."""
-    return min(max(1.0, float(tilt.time_constant) / float(_motor_lag(rotor))), MOST_LEAD)
+def with_leads(par: Any) -> Any:
+    """Constants of a law's layers, with the lead factors of tilt servos that follow from the model."""
+
+    def refit(layer: Any) -> Any:
+        if isinstance(layer, VectoredParameters):
+            return replace(layer, lead=_leads(par.model.vehicle))
+        inner = getattr(layer, "inner", None)
+        return replace(layer, inner=refit(inner)) if is_record(inner) else layer
+
+    return refit(par)
+
+
+def _leads(vehicle: Vehicle) -> Scalars:
+    """Lead factor on each tilt servo's setpoint that makes its lag equal to the rotor's motor lag."""
+    rows = [(rotor.tilt.time_constant, _motor_lag(rotor)) for rotor in vehicle.rotors if rotor.tilt is not None]
+    return tuple(minimum(maximum(1.0, divide(servo, motor)), MOST_LEAD) for servo, motor in rows)
 
 
 def _motor_lag(rotor: Rotor) -> Scalar:

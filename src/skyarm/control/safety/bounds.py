@@ -16,11 +16,24 @@ from dataclasses import replace
 from typing import Any
 
 from skyarm import dynamics
-from skyarm.algebra import ZERO3, ZERO3_DATA, Force, Mat3, Scalar, Scalars, Vec3, differences, inner_product, ldl_solve
+from skyarm.algebra import (
+    ZERO3,
+    ZERO3_DATA,
+    Force,
+    Mat3,
+    Scalar,
+    Scalars,
+    Vec3,
+    differences,
+    inner_product,
+    ldl_solve,
+    sums,
+)
 from skyarm.algebra.scalars import absolute, add, clip, divide, logical_or, maximum, minimum, mul, sqrt, sub, tan, where
 from skyarm.control.model import Model
 from skyarm.control.safety.limits import Limits
 from skyarm.dynamics.actuators import AllocationError, Command, Mixer, allocation_matrix, make_mixer, mix, rotor_force
+from skyarm.dynamics.actuators.drive import friction
 from skyarm.reference import Reference
 from skyarm.sensing.measurement import Measurement
 
@@ -41,7 +54,8 @@ def govern_base(
 
     1. No faster than ``speed``. 2. A position error pulls no harder than that speed brakes. 3. The acceleration asked
     stays within ``climb`` and, level, within tan(tilt) times the specific force along the vertical. 4. Errors within
-    ``step`` and ``step_speed`` pass all the same: a stiff law bounds its own answer to those.
+    ``step`` and ``step_speed`` pass all the same: a stiff law bounds its own answer to those. 5. A planned centre of
+    mass and a preview move with the base.
     """
     v_d = _limit_length(reference.velocity, limits.speed)
     pull = _limit_length(reference.position - measurement.position, divide(mul(limits.speed, damping), stiffness))
@@ -61,7 +75,7 @@ def govern_base(
     def where_bound(new: Vec3, old: Vec3) -> Vec3:
         return Vec3(*(where(c, a, b) for c, a, b in zip(bound, new, old, strict=True)))
 
-    return replace(
+    governed = replace(
         reference,
         position=where_bound(measurement.position + pull.hadamard(shares), reference.position),
         velocity=where_bound(measurement.velocity + brake.hadamard(shares), reference.velocity),
@@ -70,6 +84,23 @@ def govern_base(
         jerk=where_bound(ZERO3_DATA, reference.jerk),
         snap=where_bound(ZERO3_DATA, reference.snap),
     )
+    if not (reference.center or reference.ahead):
+        return governed
+    changes = [differences(*rows) for rows in zip(_base_motion(governed), _base_motion(reference), strict=True)]
+    # numbers of a preview go signal by signal, those of a centre of mass derivative by derivative
+    others = (0,) * (3 * (1 + len(reference.joints)))
+    sample = [*(change for axis in zip(*changes[:3], strict=True) for change in axis), *others]
+    return replace(
+        governed,
+        center=reference.center and sums(reference.center, [each for change in changes for each in change]),
+        ahead=sums(reference.ahead, sample * (len(reference.ahead) // len(sample))),
+    )
+
+
+def _base_motion(reference: Reference) -> list[Sequence[Scalar]]:
+    """Position of the base and its first four derivatives."""
+    motion = (reference.position, reference.velocity, reference.acceleration, reference.jerk, reference.snap)
+    return [tuple(each) for each in motion]
 
 
 def _limit_length(v: Vec3, longest: Scalar) -> Vec3:
@@ -222,13 +253,13 @@ def apply_joint_barrier(model: Model, limits: Limits, measurement: Measurement, 
 
 
 def _accelerations(model: Model, measurement: Measurement, efforts: Sequence[Scalar]) -> Scalars:
-    """Joint accelerations of the model at the measured rotor speeds in calm air."""
-    total = Force(ZERO3, ZERO3)
+    """Joint accelerations of the model, friction included, at the measured rotor speeds in calm air."""
+    total, rates = Force(ZERO3, ZERO3), measurement.joint_rates
     for rotor, speed in zip(model.vehicle.rotors, measurement.rotor_speeds, strict=True):
         total = total + rotor_force(rotor, speed, ZERO3)
-    return dynamics.forward_dynamics(
-        model.vehicle, measurement.joints, measurement.rate, measurement.joint_rates, total, efforts
-    )[1]
+    rows = zip(model.vehicle.joints, efforts, rates, strict=True)
+    torques = tuple(sub(effort, friction(joint, qd, qd)) for joint, effort, qd in rows)
+    return dynamics.forward_dynamics(model.vehicle, measurement.joints, measurement.rate, rates, total, torques)[1]
 
 
 def _within_barrier(model: Model, limits: Limits, measurement: Measurement, caused: Sequence[Scalar]) -> list[Scalar]:

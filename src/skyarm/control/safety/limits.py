@@ -8,7 +8,7 @@ from functools import partial
 from typing import Annotated, Any
 
 from skyarm.algebra import Vec3
-from skyarm.control.controller import Controller, ControllerError
+from skyarm.control.controller import Controller, ControllerError, innermost, with_innermost
 from skyarm.control.law_checks import checked_law
 from skyarm.control.model import Model
 from skyarm.dynamics.actuators.hover import hover_trim
@@ -26,7 +26,7 @@ STEP = 1e-3
 """Position and velocity step (m and m/s) of the stiffness test, too small to reach the law's own limits."""
 
 SETTLING = 40
-"""Number of control steps in which motor speeds settle at the commands; a law that inverts their lag then commands
+"""Number of answers after which motor speeds have settled at the commands; a law that inverts their lag then commands
 its desired speeds."""
 
 PERIOD = 0.005
@@ -40,7 +40,8 @@ def law_stiffness(controller: Controller) -> tuple[float, float]:
     """Position and velocity gain (1/s^2, 1/s) of a law, from its vertical response to small errors in hover.
 
     Vertical, because there the thrust answers in the same period; horizontal gains are taken to be the same. Each call
-    starts from the first memory, so that an observer has nothing to learn.
+    starts from the first memory, so that an observer has nothing to learn. A law that starts gently has a method
+    ``after_start`` in its memory, which gives the memory at the end of that.
 
     A law that cannot be traced is taken for a usual one: a predictive one spreads its answer over its horizon, so
     that its first command says little about its stiffness, and each first memory may cost it seconds.
@@ -58,21 +59,25 @@ def law_stiffness(controller: Controller) -> tuple[float, float]:
 
 def _thrust(controller: Controller, position: float, velocity: float) -> float:
     """Settled thrust (N) of a law along body z for constant vertical position and velocity errors."""
-    model = controller.par.model
+    model, memory = controller.par.model, controller.memory
+    if hasattr(own := innermost(memory), "after_start"):
+        memory = with_innermost(memory, own.after_start())
     vehicle, joints = model.vehicle, model.vehicle.zeros
     trim = hover_trim(vehicle, joints, model.gravity)
     place, pace = Vec3(0.0, 0.0, position), Vec3(0.0, 0.0, velocity)
     reference = Reference(position=place, velocity=pace, **resting_arm(vehicle.n)).dense()
-    weight = Vec3(0.0, 0.0, float(model.gravity))
-    resting = replace(blank_measurement(vehicle.n, len(vehicle.rotors)), specific_force=weight)
-    speeds = tuple(map(float, trim.speeds))
+    shares = [float(rotor.axis.z * rotor.thrust_coefficient) for rotor in vehicle.rotors]
+    resting = blank_measurement(vehicle.n, len(vehicle.rotors))
+    speeds, thrust = tuple(map(float, trim.speeds)), float(vehicle.mass * model.gravity)
     law = checked_law(controller)
     for _ in range(SETTLING):
-        seen = replace(resting, rotor_speeds=speeds)
-        _, command = law(controller.memory, seen, reference, PERIOD, par=controller.par)
+        # an accelerometer feels the thrust: a law that adds to what it measures would else add again and again
+        felt = Vec3(0.0, 0.0, thrust / float(vehicle.mass))
+        seen = replace(resting, rotor_speeds=speeds, specific_force=felt)
+        _, command = law(memory, seen, reference, PERIOD, par=controller.par)
         speeds = tuple(map(float, command.rotor_speeds))
-    shares = (rotor.axis.z * rotor.thrust_coefficient for rotor in vehicle.rotors)
-    return sum(float(share) * speed * speed for share, speed in zip(shares, speeds, strict=True))
+        thrust = sum(share * speed * speed for share, speed in zip(shares, speeds, strict=True))
+    return thrust
 
 
 # infinity times nothing is no number: what multiplies or is multiplied is finite
@@ -98,7 +103,8 @@ class Limits:
         joint_margin: rad or m, kept from the joints' limits; the references keep twice as much.
         joint_pole: 1/s, how fast a joint may close in on a limit of position or speed.
         effort: N m or N.
-        rotor_slew: rad/s^2, of the commanded speeds. effort_slew: N m/s or N/s.
+        rotor_slew: rad/s^2, of the commanded speeds; for tilting rotors, of the pairs of fixed ones in their place.
+        effort_slew: N m/s or N/s.
         trusted_tilt: rad, trusted_rate: rad/s, trusted_joint_error: rad or m from a joint's governed reference, beyond
             which the law is given up after ``patience`` s.
         lost_rate: rad/s, lost_speed: m/s, lost_joint_speed: rad/s or m/s, beyond which it is given up at once.
@@ -202,7 +208,7 @@ class Limits:
         float,
         _limit(
             "rad/s^2",
-            "largest rate of the commanded rotor speeds",
+            "largest rate of the commanded rotor speeds; of tilting rotors, of the pairs of fixed ones in their place",
             effect="lower values spare the motors and delay the thrust",
         ),
     ]

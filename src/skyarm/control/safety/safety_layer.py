@@ -280,6 +280,7 @@ def with_safety_layer(
         par=par,
         memory=first_memory(controller),
         compiled=controller.compiled,
+        keeps_tip=controller.keeps_tip,
     )
 
 

@@ -86,6 +86,15 @@ class CentroidalMemory:
     following: Following = Following()
     parts: PartMemories = PartMemories()
 
+    def after_start(self) -> CentroidalMemory:
+        """Internal state in which the gentle start of the gains is over."""
+        lag = self.parts.lag
+        if lag is None:
+            return self
+        return dataclasses.replace(
+            self, parts=dataclasses.replace(self.parts, lag=dataclasses.replace(lag, count=float("inf")))
+        )
+
 
 def centroidal(
     memory: CentroidalMemory, measurement: Measurement, reference: Reference, dt: Scalar, *, par: CentroidalParameters

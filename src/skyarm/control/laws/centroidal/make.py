@@ -184,7 +184,7 @@ def _row(names: str, values: Iterable[Value]) -> dict[str, Value]:
 
 
 def _mixer(vehicle: Vehicle, sideways: bool) -> Mixer:
-    """Mixer of the centroidal law: yaw torque takes priority over thrust where the rotors allow priorities."""
+    """Mixer of the centroidal law: thrust takes priority over yaw torque where the rotors allow priorities."""
     slack = YAW_SLACK * float(dynamics.mass_matrix(vehicle, Mat3.identity(), (0.0,) * vehicle.n)[5][5])
     try:
         return make_mixer(vehicle, "thrust_before_yaw", sideways, slack)

@@ -157,9 +157,10 @@ def _computed_torque(
         joint_accelerations=tuple(accelerations[4:]),
     )
     up = _climbable(wanted_specific_force(par, reading, goal), model.gravity)
-    base = Motion(turn_towards(par, reading, goal, R, up), R.apply_T(up))
+    # the rotors push along up, and base and arm move by what rotors and disturbance give together
+    base = Motion(turn_towards(par, reading, goal, R, up), R.apply_T(up + unknown.force * divide(1.0, vehicle.mass)))
     force, torques = generalized_force(par, R, reading, base, joint_accelerations(par, reading, goal))
-    speeds, _ = mix(par.mixer, force.torque - unknown.torque, force.force.z)
+    speeds, _ = mix(par.mixer, force.torque - unknown.torque, (force.force - R.apply_T(unknown.force)).z)
     return (*speeds, *limit_efforts(par, differences(torques, unknown.efforts)))
 
 
