@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import copy
 import json
+import math
 import sys
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import replace
@@ -270,7 +271,8 @@ class Engine:
     Attributes:
         first: the loop before its first period. tick: control periods flown.
         ended: why the episode has ended before its time, or None. begun: number of the first period under the scenario.
-        commanded: True if a command from outside has taken the law's place.
+        commanded: True if a command from outside has taken the law's place. from_outside: number of the first period
+            of such a command; infinite without one.
     """
 
     def __init__(
@@ -288,7 +290,7 @@ class Engine:
         self._write_to(np.empty((len(self._rows), code.loop.logged)))  # takes memory as it is written
         self.tick = self.begun = 0
         self.ended: Ended | None = None
-        self._stretch, self.commanded = 1, False
+        self._stretch, self.commanded, self.from_outside = 1, False, math.inf
 
     def _make_stepper(
         self, loop: Loop, carry: Array, parameters: Array, *, peek: bool = False
@@ -347,7 +349,7 @@ class Engine:
                 if each:
                     self._rows[k, at : at + len(each)] = each
                 at += len(leaves(own.queue[0])) if modes > 1 else 0
-            self.commanded = True
+            self.commanded, self.from_outside = True, min(self.from_outside, k)
         elif self.commanded:
             self._rows[k, self._width :][: len(self.first.agents)] = 0.0
         return self._fly(k + 1)
@@ -551,6 +553,7 @@ class Engine:
         """Return to the simulator state of a snapshot."""
         self.scenario, self._inputs, self._rows, self.begun, self.tick, self.ended, numbers = state
         self._stepper.carry[:], self._stepper.parameters[:], log, memories = numbers
+        self.from_outside = self.from_outside if self.from_outside < self.tick else math.inf
         own = np.empty_like(log)
         own[: self.tick] = log[: self.tick]
         self._write_to(own)
@@ -590,4 +593,4 @@ class Engine:
             memories.append(_carried_memory(law, kept) if self.code.calls else kept)
         self._stepper.carry[:] = leaves(_with_memories(carried, memories))
         self.begun, self.tick, self.ended = other.tick, other.tick, other.ended
-        self.commanded = other.commanded
+        self.commanded, self.from_outside = other.commanded, other.from_outside

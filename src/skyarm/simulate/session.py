@@ -337,7 +337,7 @@ class Session:
             piece = replace(piece, flown=engine.samples(engine.begun, engine.tick, kept=True))
         pieces = (*self._course.flown, piece)
         log = join_pieces(self.plan, pieces, engine.ended or running_status(self._course.now, engine.tick))
-        if engine.commanded:
+        if engine.from_outside < engine.tick:
             log.info["commanded"] = True
         return log
 

@@ -280,7 +280,7 @@ TOTALED: Mapping[str, tuple[str, Callable[[Any], AnyArray], str, str]] = {
     "phases_time": (
         "phases",
         lambda of: np.asarray(of.when),
-        "time at which the latest phase ended; see phases_done for whether all have",
+        "time at which the latest phase ended, whether or not all have",
         "s",
     ),
     "grip_force_mean": (
