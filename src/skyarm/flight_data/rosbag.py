@@ -29,6 +29,7 @@ from skyarm.flight_data.raw_tables import (
     BOTH_WAYS,
     RawTable,
     alike_outputs,
+    by_attitude,
     flight_of,
     is_reversible,
     middle_of_mean,
@@ -150,6 +151,10 @@ def read_bag(path: Path, columns: Columns | None) -> FlightData:
         tables |= {
             topic: replace(each, time=each.time + moved, origin=each.origin - moved) for topic, each in of_px4.items()
         }
+    for topic in (each for each in tables if "accelerometer_time" in tables[each].columns):
+        attitudes = [each for each in tables if read.get(each, "").endswith(("/VehicleAttitude", "/VehicleOdometry"))]
+        if attitudes:
+            tables[topic] = by_attitude(tables[topic], tables[attitudes[0]])
     for topic in (each for each in tables if read.get(each) == PLACES):
         tables[topic] = valid_rows(topic, tables[topic], notes)
     axes = MessageAxes(read, tables, {topic: each.frames for topic, each in rows.items()}, frozenset(mounts), notes)

@@ -22,6 +22,7 @@ from skyarm.flight_data.raw_tables import (
     BOTH_WAYS,
     LATEST,
     RawTable,
+    by_attitude,
     flight_of,
     is_reversible,
     middle_of_mean,
@@ -96,6 +97,8 @@ def read_ulog(path: Path, columns: Columns | None) -> FlightData:
         f"{each.name}[{each.multi_id}]" if each.multi_id else each.name: _table(each.name, each.data, start)
         for each in log.data_list
     }
+    if {"sensor_combined", "vehicle_attitude"} <= set(tables):
+        tables["sensor_combined"] = by_attitude(tables["sensor_combined"], tables["vehicle_attitude"])
     if not tables:
         raise ValueError("file: holds no topic with numbers; nothing was logged, or it is cut off")
     parameters = {name: float(value) for name, value in log.initial_parameters.items()}
