@@ -63,6 +63,15 @@ def test_it_is_what_the_law_holds_until_another_takes_over(scenario, log):
     assert facts(session.log)["lag_found_s"] == pytest.approx(found[19])
 
 
+def test_a_law_that_has_not_flown_yet_has_found_no_lag():
+    session = skyarm.Session(skyarm.load_scenario("case1", duration=0.2))
+    for _ in range(5):
+        session.step()
+    session.change({"controller.law": "centroidal"})
+    assert np.isnan(session.log.lag_found).all()
+    assert "lag_found_s" not in facts(session.log)
+
+
 @pytest.mark.thorough
 def test_it_is_the_same_in_every_engine_and_under_guard(scenario, log):
     short = dataclasses.replace(scenario, duration=0.2)

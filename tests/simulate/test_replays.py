@@ -104,3 +104,24 @@ def test_a_flight_by_commands_from_outside_is_not_replayed_in_silence(changed: b
 
 def test_a_flight_of_its_law_has_no_such_mark(log: Any) -> None:
     assert "commanded" not in log.info
+
+
+def test_the_mark_is_that_of_what_was_flown_wherever_a_session_goes_back_to() -> None:
+    session = skyarm.Session(dataclasses.replace(SCENARIO, changes=()))
+    first = session.snapshot()
+    for _ in range(5):
+        session.step(rotors=[450.0] * 4)
+    outside = session.snapshot()
+    session.restore(first)
+    for _ in range(8):
+        session.step()
+    own = session.snapshot()
+    for at, mark in ((outside, True), (own, False), (outside, True), (first, False)):
+        session.restore(at)
+        assert session.log.info.get("commanded", False) is mark
+
+
+def test_each_vehicle_of_a_team_has_the_mark() -> None:
+    session = skyarm.Session(skyarm.load_scenario("two_hold_a_bar", duration=0.1))
+    session.step(rotors={"left": [300.0] * 4})
+    assert all(log.info["commanded"] for log in (session.log, *session.log.agents.values()))

@@ -12,7 +12,7 @@ from skyarm.records.leaves import leaves
 from skyarm.scenario.numbers import with_numbers
 from skyarm.vehicle import Body, Frame, Joint, Link, Vehicle
 from skyarm.world import NO_WIND, ForceWind, Gust, MovingAir, Payload, WindSample
-from skyarm.world.dryden import Dryden, DrydenMemory
+from skyarm.world.dryden import Dryden, DrydenMemory, low_altitude
 from support.flights import estimated
 from support.worlds import wind
 
@@ -162,3 +162,6 @@ def test_an_airspeed_that_is_stated_stays():
     unit = Dryden(intensity=Vec3(1.0, 1.0, 1.0), scale_length=Vec3(9.0, 9.0, 9.0), airspeed=3.0)
     wind = MovingAir(velocity_W=Vec3(5.0, 0, 0), turbulence=unit)
     assert wind.with_followers([("velocity_W", "y")]) is wind
+    # nor does another number of the wind move an airspeed
+    low = MovingAir(turbulence=low_altitude(6.0, 7.7, 5.0))
+    assert low.with_followers([("turbulence", "intensity", "x"), ("gust", "start")]) is low

@@ -38,7 +38,7 @@ from skyarm.records.registry import find, names
 from skyarm.records.registry.plugins import identities, law_of_file_name
 from skyarm.scenario.controller_table import make_named_or_tuned
 from skyarm.scenario.scenario_file import LIBRARY, is_scenario, kind_of_file, load_scenario, scenario_from
-from skyarm.scenario.scenario_record import HIGHEST_RATE, Scenario, first_state
+from skyarm.scenario.scenario_record import HIGHEST_RATE, Rates, Scenario, first_state
 from skyarm.sensing.sensor_kinds import ImuReading, mount_rotation, reads
 from skyarm.simulate.command_delay import rotor_and_joint_delays
 from skyarm.vehicle import BASE, Frame
@@ -231,7 +231,7 @@ def _law(
         planned = load_scenario(controller).alone("the law in C")
         if asked is not None and asked != planned.rates.control:
             with errors_as(ValueError, f"--rate = {rate!r}: "):
-                planned = _at_rate(controller, asked, planned.rates.physics).alone("the law in C")
+                planned = _at_rate(controller, asked, planned.rates).alone("the law in C")
         chosen, title = planned.agent.controller, planned.name
         estimator = planned.agent.placed_estimator.on_board
         late = _late_periods(planned)
@@ -269,14 +269,15 @@ def _law(
     )
 
 
-def _at_rate(name: str, rate: float, physics: int) -> Scenario:
+def _at_rate(name: str, rate: float, own: Rates) -> Scenario:
     """Scenario read anew with another control rate (Hz), so that law, filter and checks are those of this rate."""
     tables, folder = read_named(name, "scenario", LIBRARY)
     step = int(rate) if rate.is_integer() else rate
     stated = tables.get("rates")
     rates = dict(stated) if isinstance(stated, dict) else {}
-    # physics must be a multiple of control; the C file holds nothing of it
-    rates |= {"control": step, "physics": math.ceil(physics / rate) * step}
+    # both must fit the control rate; the C file holds nothing of them
+    rates |= {"control": step, "physics": min(math.ceil(own.physics / rate), max(1, int(HIGHEST_RATE / rate))) * step}
+    rates |= {"reference": math.gcd(int(step), own.reference)}
     return scenario_from(tables | {"rates": rates}, folder)
 
 

@@ -286,8 +286,9 @@ def _time(name: str, signal: QuantitySource, table: RawTable, columns: Columns) 
         raise ValueError(f"{columns.file}: {place} = {shown(column)}: {must_be_one_of(table.columns, column)}")
     if column:
         time = table.numbers(column) * TIMES[columns.time_unit or "s"]
-        # times that all lie a second before the origin are of another clock, as since the start of a program
-        return time - table.origin if (time > table.origin - 1.0).any() else time
+        # times that begin a second before the origin are of another clock, as since the start of a program
+        begin = time[np.isfinite(time)][:1]
+        return time - table.origin if (begin > table.origin - 1.0).all() else time
     if not table.time.size:
         raise ValueError(f"{columns.file}: time.column: is missing; there are {comma_list(list(table.columns))}")
     return table.received if signal.stamp == "receive" and table.received is not None else table.time

@@ -70,9 +70,9 @@ def facts(log: Log) -> Facts:
     errors = {what: summary(error) for what, error in error_norms(log).items()}
     values |= {"steady_window_s": [steady.start, steady.stop], "errors_continuous": errors}
     values |= _finite(score(log, COMMANDS)) | {"peak_thrust": _peak_thrust(log)} | asdict(log.shortfall)
-    if (found := log.lag_found).size:
-        # a law that a change put in its place may estimate none
-        known = np.flatnonzero(np.isfinite(found).all(axis=1))
+    # a law before or behind a change may estimate none
+    found = log.lag_found
+    if found.size and (known := np.flatnonzero(np.isfinite(found).all(axis=1))).size:
         values["lag_found_s"] = found[known[-1]]
     values |= {name: rows for name, rows in (("contacts", _contacts(log)), ("mechanisms", _mechanisms(log))) if rows}
     if log.component("gripper_taken").size:

@@ -390,7 +390,8 @@ def team(entry: object, path: str, reading: ScenarioWords) -> Team:
     com = record.com if any(record.com) else body.com
     if any(com) and len(members) == 2 and all(each.kind == "cable" for each in members):
         words = "must be 0 on two cables: their team's body hangs by its middle"
-        raise ValueError(f"world.objects.{record.object}.com = {shown([float(c) for c in com])}: {words}")
+        where = "team.com" if any(record.com) else f"world.objects.{record.object}.com"
+        raise ValueError(f"{where} = {shown([float(c) for c in com])}: {words}")
     return dataclasses.replace(
         record,
         members=members,

@@ -256,9 +256,9 @@ class _PythonSteps:
         self.carry[:] = now
 
 
-EngineState = tuple[Scenario, FlightInputs, Array, int, int, Ended | None, tuple[Array, Array, Array, Any]]
+EngineState = tuple[Scenario, FlightInputs, Array, int, int, Ended | None, tuple[Array, Array, Array, Any, float]]
 """State of an engine: scenario, its inputs and their rows, start of the piece, tick, end; loop state, parameters,
-log, memory of a law."""
+log, memory of a law, first period of a command from outside."""
 
 
 class Engine:
@@ -546,14 +546,13 @@ class Engine:
         """Copy of the simulator's state, from which :meth:`restore` continues."""
         stepper = self._stepper
         memories = copy.deepcopy([each.memory for each in self.code.calls])
-        numbers = stepper.carry.copy(), stepper.parameters.copy(), self._log, memories
+        numbers = stepper.carry.copy(), stepper.parameters.copy(), self._log, memories, self.from_outside
         return self.scenario, self._inputs, self._rows, self.begun, self.tick, self.ended, numbers
 
     def restore(self, state: EngineState) -> None:
         """Return to the simulator state of a snapshot."""
         self.scenario, self._inputs, self._rows, self.begun, self.tick, self.ended, numbers = state
-        self._stepper.carry[:], self._stepper.parameters[:], log, memories = numbers
-        self.from_outside = self.from_outside if self.from_outside < self.tick else math.inf
+        self._stepper.carry[:], self._stepper.parameters[:], log, memories, self.from_outside = numbers
         own = np.empty_like(log)
         own[: self.tick] = log[: self.tick]
         self._write_to(own)

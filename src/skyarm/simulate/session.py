@@ -338,7 +338,8 @@ class Session:
         pieces = (*self._course.flown, piece)
         log = join_pieces(self.plan, pieces, engine.ended or running_status(self._course.now, engine.tick))
         if engine.from_outside < engine.tick:
-            log.info["commanded"] = True
+            for each in (log, *getattr(log, "agents", {}).values()):
+                each.info["commanded"] = True
         return log
 
     @property

@@ -235,7 +235,8 @@ class MovingAir(GustyWind[Turbulence], Air[Turbulence]):
         """Wind whose turbulence of an altitude has airspeed and direction of the replaced mean velocity."""
         followed, places = self.turbulence, {place[:2] for place in replaced}
         stated = {("turbulence", each) for each in ("airspeed", "direction_W", "least_airspeed")}
-        if followed is None or absent(followed.least_airspeed) or places & stated:
+        moved = any(place[0] == "velocity_W" for place in places)
+        if followed is None or not moved or absent(followed.least_airspeed) or places & stated:
             return self
         return replace(self, turbulence=followed.in_wind(self.velocity_W))
 

@@ -16,7 +16,7 @@ from exported_sizes import built, nanoseconds_of, stack_of
 
 import skyarm
 from skyarm.algebra import Vec3
-from skyarm.cli.export_command import _changes_in_flight
+from skyarm.cli.export_command import _at_rate, _changes_in_flight
 from skyarm.cli.main import main
 from skyarm.control.blocks.disturbance_observer import Observed
 from skyarm.control.catalogue import PRESETS, Controller, make_controller
@@ -510,6 +510,12 @@ def test_a_scenario_at_another_rate_is_the_one_that_holds_this_rate(tmp_path, mo
         assert (code, said.err) == (0, "")
         texts.append((tmp_path / "x.c").read_text())
     assert texts[0] == texts[1]
+
+
+@pytest.mark.parametrize("rate", [40, 125, 333, 1000])
+def test_the_rate_of_the_reference_gives_way_to_another_control_rate(rate):
+    found = _at_rate("case1", float(rate), skyarm.load_scenario("case1").rates).rates
+    assert (found.control, found.physics % rate, rate % found.reference) == (rate, 0, 0)
 
 
 def test_a_rate_that_the_scenario_s_sensors_do_not_allow_is_one_line(tmp_path, monkeypatch, capsys):

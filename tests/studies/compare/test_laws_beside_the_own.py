@@ -15,7 +15,7 @@ from skyarm.scenario.scenario_file import load_scenario
 from skyarm.simulate.loop import run
 from skyarm.studies.compare.entrants import chosen_entrants
 from skyarm.studies.compare.own_scenario import LAWS, OwnScenario
-from skyarm.studies.compare.run_suite import fly_suite
+from skyarm.studies.compare.run_suite import _require_same, fly_suite
 from skyarm.studies.flights.store import files_by_label
 from skyarm.studies.sweep import StudyError
 from support.components import registry_kept
@@ -54,6 +54,12 @@ def test_a_folder_with_another_comparison_is_refused(tmp_path: Path) -> None:
     (tmp_path / "results.json").write_text('{"schema": 1, "suite": "case1"}')
     with pytest.raises(ValueError, match="holds the comparison of 'case1'; must be another folder for 'case3'"):
         fly_suite(OwnScenario(scenario="case3", laws=["own"]), tmp_path)
+
+
+@pytest.mark.parametrize("text", ['{"a": 1}', "[1]", "{", ""])
+def test_a_file_that_is_no_report_is_no_other_comparison(tmp_path: Path, text: str) -> None:
+    (tmp_path / "results.json").write_text(text)
+    _require_same(OwnScenario(scenario="case3", laws=["own"]), tmp_path)
 
 
 def test_an_autopilot_with_the_file_s_own_options_flies_once(tmp_path: Path) -> None:

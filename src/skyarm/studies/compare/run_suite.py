@@ -125,11 +125,11 @@ def fly_suite(
 
 def _require_same(suite: Suite[F], folder: Path) -> None:
     """Refuse a folder with the report of another benchmark, which this one's would replace."""
-    there = suite.name
-    with suppress(ValueError, AttributeError, OSError):  # it is no report
+    name = there = suite.name
+    with suppress(ValueError, LookupError, TypeError, OSError):  # it is no report
         there = json.loads((folder / f"{suite.file}.json").read_text("utf-8"))["suite"]
-    if there != suite.name:
-        words = f"holds the comparison of {shown(there)}; must be another folder for {shown(suite.name)}"
+    if there != name:
+        words = f"holds the comparison of {shown(there)}; must be another folder for {shown(name)}"
         raise ValueError(f"--out = {shown(str(folder))}: {words}")
 
 
