@@ -250,7 +250,7 @@ def test_a_belief_with_another_rotor_has_its_own_mixer():
     )
     path = "model.vehicle.rotors.0.thrust_coefficient"
     par = with_numbers(scenario, {path: 3e-5}).controller.par
-    expected = make_mixer(par.model.vehicle, "priority", sideways=True)
+    expected = make_mixer(par.model.vehicle, "priority", True, controller.par.mixer.yaw_slack)
     assert leaves(par.mixer) == leaves(expected)
     assert leaves(par.mixer) != leaves(controller.par.mixer)
 
