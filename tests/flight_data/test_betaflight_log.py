@@ -150,7 +150,6 @@ class TestWithTheDecoder:
             ("0", 1070, 0.07),  # minthrottle
             ("3", 2000, 1.0),
             ("4", 1000, 0.0),  # mincommand
-            (None, 1500, 0.5),
         ],
     )
     @pytest.mark.parametrize("ends", ["158,2047", "158,1367", None])
@@ -160,6 +159,21 @@ class TestWithTheDecoder:
         found = read(tmp_path, log(rows(**{"motor[0]": output}), motor_pwm_protocol=protocol, motorOutput=ends))
         assert found["rotor_commands"].values[0, 0] == pytest.approx(share, abs=3e-4)  # of outputs in whole numbers
         scale = "48 to 2047 (DShot)" if protocol and int(protocol) > 4 else "1000 to 2000 (pulses in us)"
+        assert found.notes == (f"rotor_commands: outputs from {scale} are signals from 0 to 1.",)
+
+    @pytest.mark.parametrize(
+        ("ends", "output", "share", "scale"),
+        [
+            ("158,2047", 158 + 1889 // 2, 0.5, "158 to 2047 (motorOutput of a log that states no protocol)"),
+            ("1070,2000", 1500, 0.5, "1000 to 2000 (pulses in us)"),
+            (None, 1500, 0.5, "1000 to 2000 (pulses in us)"),
+        ],
+    )
+    def test_a_log_without_a_protocol_has_the_range_that_it_states_or_that_of_pulses(
+        self, tmp_path: Path, ends: str | None, output: int, share: float, scale: str
+    ) -> None:
+        found = read(tmp_path, log(rows(**{"motor[0]": output}), motor_pwm_protocol=None, motorOutput=ends))
+        assert found["rotor_commands"].values[0, 0] == pytest.approx(share, abs=3e-4)
         assert found.notes == (f"rotor_commands: outputs from {scale} are signals from 0 to 1.",)
 
     def test_motors_that_turn_both_ways_are_left_to_a_mapping(self, tmp_path: Path) -> None:

@@ -126,9 +126,13 @@ def _sources(
     elif outputs and "rotor_commands" not in own:
         is_digital = head.get("fast_pwm_protocol", 0) in DSHOT
         low, high = DIGITAL if is_digital else ANALOG
+        kind = "DShot" if is_digital else "pulses in us"
+        stated = head.get("motorOutput") or ANALOG
+        # no pulses: of other writers, which state no protocol
+        if head.get("fast_pwm_protocol") is None and stated[0] < ANALOG[0]:
+            (low, high), kind = map(float, stated), "motorOutput of a log that states no protocol"
         rows |= {each: np.maximum(rows[each], low) for each in outputs}  # of DShot 0 stops a motor
         sources["rotor_commands"] = QuantitySource(columns=outputs, low=low, high=high)
-        kind = "DShot" if is_digital else "pulses in us"
         notes.append(f"rotor_commands: outputs from {low:g} to {high:g} ({kind}) are signals from 0 to 1.")
     if speeds := _entries(rows, "eRPM"):
         sources["rotor_speeds"] = QuantitySource(columns=speeds, unit="rpm", scale=200.0 / head["motor_poles"])
