@@ -100,7 +100,7 @@ def fly_suite(
         raise ValueError(words or "--only: must name trials that the vehicle flies")
     folder = Path(out)
     with taken_back(folder, folder / ROWS):
-        _require_same(suite, folder)
+        _warn_of_another(suite, folder)
         store = open_store(require_writable(out))
         with store.alone() if store else nullcontext():
             cells, flown = dict[str, Cell](), dict[str, bytes]()
@@ -123,14 +123,14 @@ def fly_suite(
     return document
 
 
-def _require_same(suite: Suite[F], folder: Path) -> None:
-    """Refuse a folder with the report of another benchmark, which this one's would replace."""
+def _warn_of_another(suite: Suite[F], folder: Path) -> None:
+    """Warn of a folder with the report of another benchmark, which this one's is going to replace."""
     name = there = suite.name
     with suppress(ValueError, LookupError, TypeError, OSError):  # it is no report
         there = json.loads((folder / f"{suite.file}.json").read_text("utf-8"))["suite"]
     if there != name:
-        words = f"holds the comparison of {shown(there)}; must be another folder for {shown(name)}"
-        raise ValueError(f"--out = {shown(str(folder))}: {words}")
+        words = f"report of {shown(there)} is replaced by that of {shown(name)}; --out names another folder"
+        warnings.warn(f"{folder}: the {words}", stacklevel=3)
 
 
 def open_store(folder: Path) -> Store | None:
