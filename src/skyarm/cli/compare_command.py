@@ -24,6 +24,7 @@ from skyarm.cli.arguments import (
     word_completion,
     workers,
 )
+from skyarm.cli.lines import say
 from skyarm.cli.output import bar, give, tell
 from skyarm.records.files import must_be_one_of, shown
 from skyarm.records.registry import names as registered
@@ -38,7 +39,7 @@ from skyarm.studies.compare.envelope import ENVELOPE, TUNED_LAWS
 from skyarm.studies.compare.envelope_axes import AXES
 from skyarm.studies.compare.own_scenario import LAWS as USUAL_LAWS
 from skyarm.studies.compare.own_scenario import OWN
-from skyarm.studies.compare.run_suite import Suite, fly_suite
+from skyarm.studies.compare.run_suite import Suite, fly_suite, other_report
 from skyarm.studies.compare.suite import conditions as conditions_of
 from skyarm.studies.compare.survive import SURVIVE
 from skyarm.studies.compare.survive_trials import TRIALS as SURVIVED
@@ -171,6 +172,8 @@ def _fly(suite: Suite[Any], folder: Path, count: int, on: str | None) -> None:
         scenario = flights.scenario()
         for name in scenario.agents:
             check_law(scenario.of(name))  # here, that no process has to
+    if other := other_report(suite, folder):
+        say(f"note: {folder}: the report of {shown(other)} is going to be replaced; --out names another folder")
     with bar(suite.name, pause=0.0) as advance:
         results = fly_suite(suite, folder, workers=count, on=on, progress=advance)
     report = suite.report(results)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import shutil
-import warnings
 from importlib import resources
 from pathlib import Path
 
@@ -16,7 +15,7 @@ from skyarm.scenario.scenario_file import load_scenario
 from skyarm.simulate.loop import run
 from skyarm.studies.compare.entrants import chosen_entrants
 from skyarm.studies.compare.own_scenario import LAWS, OwnScenario
-from skyarm.studies.compare.run_suite import _warn_of_another, fly_suite
+from skyarm.studies.compare.run_suite import fly_suite, other_report
 from skyarm.studies.flights.store import files_by_label
 from skyarm.studies.sweep import StudyError
 from support.components import registry_kept
@@ -51,18 +50,14 @@ def test_a_scenario_flies_on_its_own_plant_with_its_own_seed() -> None:
     assert (other.kind, other.seed) == ("rigid_body", 0)
 
 
-def test_a_report_of_another_comparison_is_not_replaced_in_silence(tmp_path: Path) -> None:
-    (tmp_path / "results.json").write_text('{"schema": 1, "suite": "case1"}')
-    with pytest.warns(UserWarning, match="the report of 'case1' is replaced by that of 'case3'; --out names another"):
-        _warn_of_another(OwnScenario(scenario="case3", laws=["own"]), tmp_path)
-
-
-@pytest.mark.parametrize("text", ['{"a": 1}', "[1]", "{", ""])
-def test_a_file_that_is_no_report_is_no_other_comparison(tmp_path: Path, text: str) -> None:
+@pytest.mark.parametrize(
+    ("text", "found"), [('{"suite": "case1"}', "case1"), *((each, "") for each in ('{"a": 1}', "[1]", "{", ""))]
+)
+def test_a_report_of_another_comparison_is_found_in_its_folder(tmp_path: Path, text: str, found: str) -> None:
+    suite = OwnScenario(scenario="case3", laws=["own"])
+    assert other_report(suite, tmp_path) == ""
     (tmp_path / "results.json").write_text(text)
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        _warn_of_another(OwnScenario(scenario="case3", laws=["own"]), tmp_path)
+    assert other_report(suite, tmp_path) == found
 
 
 def test_an_autopilot_with_the_file_s_own_options_flies_once(tmp_path: Path) -> None:

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import ClassVar, Generic, TypeVar
 
 from skyarm.compile.llvm.kernel import require_machine_code
-from skyarm.records.files import PathLike, needs_extra, require_writable, shown, taken_back, write_atomically
+from skyarm.records.files import PathLike, needs_extra, require_writable, taken_back, write_atomically
 from skyarm.records.registry.plugins import identities
 from skyarm.studies.compare.cell_flights import NAMES, Cell, CellFlights, Document, Record, table
 from skyarm.studies.flights import Crew, Store
@@ -100,7 +100,6 @@ def fly_suite(
         raise ValueError(words or "--only: must name trials that the vehicle flies")
     folder = Path(out)
     with taken_back(folder, folder / ROWS):
-        _warn_of_another(suite, folder)
         store = open_store(require_writable(out))
         with store.alone() if store else nullcontext():
             cells, flown = dict[str, Cell](), dict[str, bytes]()
@@ -123,14 +122,12 @@ def fly_suite(
     return document
 
 
-def _warn_of_another(suite: Suite[F], folder: Path) -> None:
-    """Warn of a folder with the report of another benchmark, which this one's is going to replace."""
+def other_report(suite: Suite[F], folder: Path) -> str:
+    """Name of another benchmark whose report is in a folder, where this one's is going to replace it; else empty."""
     name = there = suite.name
     with suppress(ValueError, LookupError, TypeError, OSError):  # it is no report
         there = json.loads((folder / f"{suite.file}.json").read_text("utf-8"))["suite"]
-    if there != name:
-        words = f"report of {shown(there)} is replaced by that of {shown(name)}; --out names another folder"
-        warnings.warn(f"{folder}: the {words}", stacklevel=3)
+    return "" if there == name else str(there)
 
 
 def open_store(folder: Path) -> Store | None:
