@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from skyarm.flight_data.raw_tables import RawTable, by_attitude
+from skyarm.flight_data.px4_topics import by_attitude
+from skyarm.flight_data.raw_tables import RawTable
 
 SPAN = 0.005
 FINE = np.arange(0, 6.0, SPAN / 20.0)

@@ -25,17 +25,8 @@ from skyarm.flight_data.clocks import POSE
 from skyarm.flight_data.columns_file import SOURCES, Columns, QuantitySource, usual_signals
 from skyarm.flight_data.flight_data import BAG_FOLDER, PLACE, FlightData, FlightFormat, choose_log
 from skyarm.flight_data.own_log import is_own_mcap, read_own_log
-from skyarm.flight_data.raw_tables import (
-    BOTH_WAYS,
-    RawTable,
-    alike_outputs,
-    by_attitude,
-    flight_of,
-    is_reversible,
-    middle_of_mean,
-    shares_of,
-    valid_rows,
-)
+from skyarm.flight_data.px4_topics import BOTH_WAYS, by_attitude, is_reversible, middle_of_mean
+from skyarm.flight_data.raw_tables import RawTable, alike_outputs, flight_of, shares_of, valid_rows
 from skyarm.records.arrays import Array
 from skyarm.records.files import needs_extra
 from skyarm.records.files.messages import comma_list

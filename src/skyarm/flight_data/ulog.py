@@ -18,17 +18,8 @@ import numpy as np
 from skyarm.algebra.frames import to_our_axes
 from skyarm.flight_data.columns_file import SOURCES, Columns, QuantitySource, usual_signals
 from skyarm.flight_data.flight_data import PLACE, FlightData, FlightFormat
-from skyarm.flight_data.raw_tables import (
-    BOTH_WAYS,
-    LATEST,
-    RawTable,
-    by_attitude,
-    flight_of,
-    is_reversible,
-    middle_of_mean,
-    rising_rows,
-    valid_rows,
-)
+from skyarm.flight_data.px4_topics import BOTH_WAYS, LATEST, by_attitude, is_reversible, middle_of_mean
+from skyarm.flight_data.raw_tables import RawTable, flight_of, rising_rows, valid_rows
 from skyarm.flight_data.ulog_recovery import MAGIC, WholeMessages
 from skyarm.records.arrays import AnyArray, Array
 from skyarm.records.files import needs_extra
