@@ -1,4 +1,4 @@
-"""What PX4's topics mean wherever they are logged, in ULog files and in bags: spans of means, motors that reverse."""
+"""Meaning of PX4's topics in ULog files and bags: spans over which rates are averaged, motors that turn both ways."""
 
 from __future__ import annotations
 
@@ -78,7 +78,7 @@ def by_attitude(motion: RawTable, attitude: RawTable) -> RawTable:
     turn = 2.0 * (parts * np.where(w1 * w2 + x1 * x2 + y1 * y2 + z1 * z2 < 0.0, -1.0, 1.0)).T
 
     def error(moved: Array) -> float:
-        """Root mean square of the turns that the rates leave, but for their bias."""
+        """Standard deviation (rad) of the turns between attitudes that the rates do not explain."""
         stamps = time + moved
         sums = [np.interp(end[inside], stamps, each) - np.interp(begin[inside], stamps, each) for each in angle.T]
         return float((turn - np.stack(sums, axis=1)).std())
