@@ -25,10 +25,11 @@ sys.path.append(str(Path(__file__).parents[2]))  # the tests' own modules, when 
 import numpy as np
 
 import skyarm
-from skyarm.studies.compare.cell_flights import JITTER, LIMITED, values_of
+from skyarm.studies.compare.cell_flights import JITTER, LIMITED
 from skyarm.studies.compare.compare_laws import compare
 from skyarm.studies.compare.team_conditions import ROWS
 from skyarm.studies.compare.team_suite import FLOWN, LAWS
+from skyarm.studies.trial.table import values_of
 from support.measured_tables import print_table, progress
 from support.teams import TEAMS
 

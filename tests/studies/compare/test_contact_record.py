@@ -15,7 +15,7 @@ from skyarm.studies.compare.run_suite import write_suite
 GOOD = {
     "tilt_max": 0.2, "phases_done": 3.0, "contact_held": 0.95, "mechanism_furthest": 1.0, "tip_lowest": 0.7725,
     "object_last_x": 0.604, "object_last_y": -0.004, "contact_last": 2.0, "ee_error_last_mean_continuous": 0.02,
-    **{metric: np.nan if metric.startswith("grip") else 0.5 for metric, *_ in NUMBERS.values()},
+    **{each.metric: np.nan if each.metric.startswith("grip") else 0.5 for each in NUMBERS.values()},
 }  # fmt: skip
 WEIGHT = 10.0
 
@@ -89,7 +89,7 @@ def test_handles_have_a_median_and_what_nearly_all_stay_below():
     count = 21
     found = cell(*["completed"] * count, "lost")
     for name in ("radial", "radial_most", "lag_most"):
-        found.metrics[NUMBERS[name][0]][:] = [*np.arange(count), 1e3]
+        found.metrics[NUMBERS[name].metric][:] = [*np.arange(count), 1e3]
     told = cell_record(TASKS["pull_door"], found, WEIGHT, 3)
     assert (told["radial"], told["radial_most"], told["lag_most"]) == (10.0, 19.0, 19.0)
 

@@ -8,14 +8,14 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Mapping, Sequence
-from typing import Any, ClassVar, TypeVar
+from typing import Any, ClassVar
 
 import numpy as np
 
-from skyarm.log.metrics.metric_catalogue import EFFORTS, GRASPS, catalogue_names, row_names
+from skyarm.log.metrics.metric_catalogue import EFFORTS, GRASPS, row_names
 from skyarm.log.metrics.shortfall import LARGEST_ERROR, TILTED
 from skyarm.records.arrays import AnyArray as Array
-from skyarm.records.arrays import Mask, doubles
+from skyarm.records.arrays import Mask
 from skyarm.records.immutable import immutable, positional
 from skyarm.records.registry import names as registered
 from skyarm.scenario.in_flight import is_traceable
@@ -25,7 +25,7 @@ from skyarm.studies.compare.entrants import Entrant
 from skyarm.studies.compare.perturbed_plants import draw, hardest
 from skyarm.studies.compare.suite import Case, Condition
 from skyarm.studies.flights import Rows, Work
-from skyarm.studies.sweep.intervals import mean_interval, quantiles, wilson
+from skyarm.studies.trial.table import spread, success_share, values_of
 
 JITTER, LIMITED = "rotor_jitter", "rotor_saturation"
 """Metrics that every table shows next to the tip error: RMS change of a rotor command per control period (rad/s),
@@ -50,8 +50,6 @@ Document = dict[str, Any]
 
 NAMES = ("condition", "case", "law")
 """Columns of a row that identify a cell."""
-
-V = TypeVar("V")
 
 FEW = 16
 """Number of episodes up to which full compiler optimisation takes longer than it saves."""
@@ -203,10 +201,9 @@ def summary(cell: Cell) -> Document:
         "episodes": count,
         "completed": int(whole.sum()),
         "success": int(good.sum()),
-        "success_rate": float(good.mean()) if count else None,
-        "success_interval": list(wilson(int(good.sum()), count)),
+        **success_share(good),
         "endings": {str(name): int((cell.status == name).sum()) for name in np.unique(cell.status)},
-        "metrics": {name: _spread(magnitudes(name, values[whole])) for name, values in cell.metrics.items()},
+        "metrics": {name: spread(magnitudes(name, values[whole])) for name, values in cell.metrics.items()},
     }
 
 
@@ -224,25 +221,6 @@ def successes(cell: Cell) -> Mask:
     with np.errstate(invalid="ignore"):
         near: Mask = np.max(errors, axis=0) < SUCCESS_LIMIT
     return cell.completed & near
-
-
-def values_of(metrics: Mapping[str, V], name: str) -> list[V]:
-    """Values of a metric of the catalogue, of several vehicles one for each."""
-    return [each for full, each in metrics.items() if catalogue_names([full]) == {name}]
-
-
-def _spread(values: Array) -> Document | None:
-    finite = doubles(values)
-    finite = finite[np.isfinite(finite)]
-    if not finite.size:
-        return None
-    interval = mean_interval(finite)
-    return {
-        "mean": float(finite.mean()),
-        "mean_interval": interval and list(interval),
-        "p95": quantiles(finite, [0.95])[0],
-        "max": float(finite.max()),
-    }
 
 
 def table(cells: Mapping[tuple[str, str, str], Cell]) -> Document:

@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import field
+from dataclasses import field, replace
+from itertools import chain
 
-from skyarm.records.files import versions
-from skyarm.records.immutable import immutable, positional
-from skyarm.studies.compare.cell_flights import JITTER, LIMITED, CellFlights, Document, Record
+from skyarm.records.immutable import immutable
+from skyarm.studies.compare.cell_flights import CellFlights, Document, Record
 from skyarm.studies.compare.entrants import ENTRANTS, Entrant
 from skyarm.studies.compare.run_suite import DPI, Refused, SummarySuite
 from skyarm.studies.compare.suite import CASES, Condition, conditions
+from skyarm.studies.trial.table import COLUMNS, Column, report_of
 from skyarm.view.figures.comparison_figures import Share, laws_figure
 from skyarm.view.figures.style import image_bytes
-from skyarm.view.pages import DASH, Report, Section, Table, image, number
+from skyarm.view.pages import DASH, Report, Section, Table, image, table_of
 
 SUITE = "paper-suite"
 SHARE = "flights with the tip within 20 mm in the last 5 s\nperturbed plants with noise, Case 3 in wind"
@@ -71,7 +72,7 @@ def comparison_picture(found: Record, names: Sequence[str]) -> bytes:
     """PNG of the tip errors and success rates of all controllers."""
     summaries = found["summaries"]
     errors = {
-        title: [value(summaries.get(condition, {}), WIND_TIP, name) for name in names]
+        title: [wind_tip(summaries[condition], name) for name in names]
         for title, condition in (("perfect state", "perfect"), ("noise and delay", "noisy"))
         if condition in summaries
     }
@@ -86,63 +87,28 @@ def comparison_picture(found: Record, names: Sequence[str]) -> bytes:
     return image_bytes(figure, dpi=DPI)
 
 
+def wind_tip(summaries: Record, entrant: str) -> float | None:
+    """Mean tip error of a controller in the wind of case 3, mm; None if it completed no flight."""
+    mean = WIND_TIP.statistic_of(_metrics(summaries, WIND_TIP.case, entrant))
+    return None if mean is None else mean * WIND_TIP.factor
+
+
 def _share(summary: Record | None) -> Share | None:
     if summary is None or summary["success_rate"] is None:
         return None
     return Share(summary["success_rate"], *summary["success_interval"])
 
 
-@positional
-class ReportColumn:
-    """Column of a results table: heading, case, metric, and the factor from SI to the heading's unit."""
+TRACKING, COST = COLUMNS["tracking"], COLUMNS["cost"]
+"""Columns of tracking errors on the true plant, and of rotor jitter and saturation next to the tip error."""
 
-    head: str
-    case: str
-    metric: str
-    factor: float = 1e3
+MEAN, TAIL, *EFFORT = COLUMNS["plants"]
+"""Columns of perturbed plants: tip error, mean and 95 %; jitter and saturation."""
 
-
-BASE, JOINT, TOOL = (f"{what}_error_mean_continuous" for what in ("position", "joint", "ee"))
-
-TRACKING = (
-    ReportColumn("case 1 base, mm", "case1", BASE),
-    ReportColumn("case 1 joints, mrad", "case1", JOINT),
-    ReportColumn("case 2 base, mm", "case2", BASE),
-    ReportColumn("case 2 joints, mrad", "case2", JOINT),
-    ReportColumn("gust base x, mm", "case2_gust", "gust_peak_x_continuous"),
-    ReportColumn("gust tip x, mm", "case2_gust", "gust_ee_peak_x_continuous"),
-    ReportColumn("case 3 base, mm", "case3", BASE),
-    ReportColumn("case 3 tip, mm", "case3", TOOL),
-    ReportColumn("wind base, mm", "case3_wind", BASE),
-    ReportColumn("wind tip, mm", "case3_wind", TOOL),
-    ReportColumn("45 deg tip, mm", "case3_wind_45", TOOL),
-    ReportColumn("side tip, mm", "case3_wind_side", TOOL),
-    ReportColumn("50 g, wind tip, mm", "case3_wind_payload", TOOL),
-)
-"""Columns of tracking errors on the true plant."""
-
-WIND_TIP = next(c for c in TRACKING if c.case == "case3_wind" and c.metric.startswith("ee"))
+WIND_TIP = next(column for column in TRACKING if column.head == "wind tip, mm")
 
 WHICH = "gust: of Case 2; wind, 45 deg, side, 50 g: of Case 3"
 """Text on the case to which a head without a case refers."""
-
-COST = (
-    *(
-        column
-        for head, case in (
-            *(("gust", "case2_gust"), ("case 3", "case3"), ("wind", "case3_wind"), ("45 deg", "case3_wind_45")),
-            *(("side", "case3_wind_side"), ("50 g, wind", "case3_wind_payload")),
-        )
-        for column in (
-            ReportColumn(f"{head} jitter, rad/s", case, JITTER, 1.0),
-            ReportColumn(f"{head} at a limit, %", case, LIMITED, 100.0),
-        )
-    ),
-    ReportColumn("joint torque 1, mN m RMS", "case3_wind", "tau1_rms"),
-    ReportColumn("attitude motion, rad/s", "case3_wind", "rate_rms", 1.0),
-    ReportColumn("largest tilt, deg", "case3_wind", "tilt_max", 57.29577951308232),
-)
-"""Columns of control activity: rotor jitter and saturation next to the tip error."""
 
 COST_WORDS = "Control activity (periods with a rotor at its limit; torque, motion and tilt: Case 3 in wind)"
 
@@ -173,11 +139,11 @@ GROUPS = {
 """Group of an entrant -> its title."""
 
 
-def value(summaries: Record, column: ReportColumn, entrant: str) -> float | None:
-    """Mean of a column's metric for a controller, in the column's unit; None if no flight was completed."""
-    statistics = summaries.get(column.case, {}).get(entrant)
-    spread = statistics["metrics"].get(column.metric) if statistics else None
-    return None if spread is None else spread["mean"] * column.factor
+def _metrics(summaries: Record, case: str, entrant: str) -> Record:
+    """Statistics of the metrics of a controller in a case; none where it does not fly."""
+    flown: Record = summaries.get(case, {}).get(entrant, {"metrics": {}})
+    metrics: Record = flown["metrics"]
+    return metrics
 
 
 def title_of(laws: Sequence[str]) -> str:
@@ -208,11 +174,11 @@ def comparison_report(
     sections.append(Section(title="Cases", tables=[Table(head=("case", "what"), rows=cases)]))
     laws = [(name, GROUPS[each.group], each.title) for name, each in entrants.items()]
     count = "1 law" if len(entrants) == 1 else f"{len(entrants)} laws"
-    return Report(
-        title=title_of(list(entrants)),
-        facts=f"{count}, seed {found.get('seed')}, plant {found.get('plant')}; skyarm {versions()['skyarm']}",
+    return report_of(
+        title_of(list(entrants)),
+        f"{count}, seed {found.get('seed')}, plant {found.get('plant')}",
+        sections,
         opening=image(CAPTION, CAPTION, picture, wide=True) if picture else "",
-        sections=sections,
         page_only=[Section(title="Laws", tables=[Table(head=("law", "kind", "what"), rows=laws)])],
     )
 
@@ -238,26 +204,25 @@ def main_sections(found: Record, entrants: Mapping[str, Entrant], conditions: Ma
 def _tables(summaries: Record, entrants: Mapping[str, Entrant], condition: Condition) -> list[Table]:
     if condition.spread:
         words = ("success", "tip, mm: mean / 95 %", "jitter, rad/s; at a limit, %")
-        head = ["law", *(f">{case} {word}" for case in condition.cases for word in words)]
+        heads = [f"{case} {word}" for case in condition.cases for word in words]
         rows = plants_rows(summaries, entrants, condition.cases)
-        return [_table_by_kind(head, rows, entrants, "Successes, tip errors")]
-    tables = []
-    for columns, caption in ((TRACKING, f"Errors ({WHICH})"), (COST, COST_WORDS)):
-        head, rows = ["law", *(f">{each.head}" for each in columns)], truth_rows(summaries, entrants, columns)
-        tables.append(_table_by_kind(head, rows, entrants, caption))
-    return tables
+        return [_table_by_kind(heads, rows, entrants, "Successes, tip errors")]
+    return [
+        _table_by_kind([each.head for each in columns], truth_rows(summaries, entrants, columns), entrants, caption)
+        for columns, caption in ((TRACKING, f"Errors ({WHICH})"), (COST, COST_WORDS))
+    ]
 
 
-def _table_by_kind(head: list[str], rows: list[list[str]], entrants: Mapping[str, Entrant], caption: str) -> Table:
+def _table_by_kind(heads: Sequence[str], rows: list[list[str]], entrants: Mapping[str, Entrant], caption: str) -> Table:
     """Results table with its rows grouped by kind of controller, such as published ones."""
     groups = [(title, [row for row in rows if entrants[row[0]].group == group]) for group, title in GROUPS.items()]
-    return Table(head=head, rows=rows, caption=caption, groups=[(title, some) for title, some in groups if some])
+    return replace(table_of(["law", *heads], rows, title=caption), groups=[each for each in groups if each[1]])
 
 
-def truth_rows(summaries: Record, entrants: Mapping[str, Entrant], columns: Sequence[ReportColumn]) -> list[list[str]]:
+def truth_rows(summaries: Record, entrants: Mapping[str, Entrant], columns: Sequence[Column]) -> list[list[str]]:
     """Table rows of errors on the unperturbed plant, one per controller with any result."""
     return [
-        [name, *(number(value(summaries, column, name)) for column in columns)]
+        [name, *(column.text(_metrics(summaries, column.case, name)) for column in columns)]
         for name in entrants
         if any(name in summaries.get(column.case, {}) for column in columns)
     ]
@@ -265,23 +230,19 @@ def truth_rows(summaries: Record, entrants: Mapping[str, Entrant], columns: Sequ
 
 def plants_rows(summaries: Record, entrants: Mapping[str, Entrant], cases: Sequence[str]) -> list[list[str]]:
     """Table rows for perturbed plants: success rate with interval and tip error of each controller."""
-    rows = []
-    for name in entrants:
-        cells = []
-        for case in cases:
-            statistics = summaries.get(case, {}).get(name)
-            if statistics is None:
-                cells += [DASH, DASH, DASH]
-                continue
-            spread, (low, high) = statistics["metrics"].get(TOOL), statistics["success_interval"]
-            bought = (
-                (statistics["metrics"].get(metric), factor) for metric, factor in ((JITTER, 1.0), (LIMITED, 100.0))
-            )
-            others = max(each["episodes"] for each in summaries[case].values())
-            few = f" of {statistics['episodes']}" if statistics["episodes"] < max(FEW, others) else ""
-            cells.append(f"{statistics['success_rate']:.1%} [{low:.1%}, {high:.1%}]{few}")
-            cells.append(DASH if spread is None else f"{number(spread['mean'], 1e3)} / {number(spread['p95'], 1e3)}")
-            cells.append("; ".join(number(each and each["mean"], factor) for each, factor in bought))
-        if any(cell != DASH for cell in cells):
-            rows.append([name, *cells])
-    return rows
+    rows = [[name, *chain.from_iterable(_plants(summaries.get(case, {}), name) for case in cases)] for name in entrants]
+    return [row for row in rows if set(row[1:]) - {DASH}]
+
+
+def _plants(laws: Record, name: str) -> list[str]:
+    """Cells of one controller on perturbed plants in one case."""
+    if name not in laws:
+        return [DASH, DASH, DASH]
+    count, metrics = laws[name]["episodes"], laws[name]["metrics"]
+    few = f" of {count}" if count < max(FEW, *(each["episodes"] for each in laws.values())) else ""
+    share, (low, high) = laws[name]["success_rate"], laws[name]["success_interval"]
+    return [
+        f"{share:.1%} [{low:.1%}, {high:.1%}]{few}",
+        f"{MEAN.text(metrics)} / {TAIL.text(metrics)}" if metrics.get(MEAN.metric) else DASH,
+        "; ".join(each.text(metrics) for each in EFFORT),
+    ]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from functools import lru_cache
@@ -13,17 +12,16 @@ from skyarm.control.controller import ControllerError
 from skyarm.log.metrics.interaction import BAND
 from skyarm.records.arrays import AnyArray as Array
 from skyarm.records.arrays import Mask
-from skyarm.records.files import versions
 from skyarm.records.immutable import immutable
 from skyarm.scenario.scenario_record import Scenario
-from skyarm.studies.compare.cell_flights import JITTER, LIMITED, Cell, CellFlights, Document, Record
+from skyarm.studies.compare.cell_flights import Cell, CellFlights, Document, Record
 from skyarm.studies.compare.contact_tasks import FLAGSHIP, LAWS, TASKS, Task, flies_its_own, scenario_of
 from skyarm.studies.compare.contact_worlds import Worlds, draw_worlds
 from skyarm.studies.compare.entrants import Entrant
 from skyarm.studies.compare.run_suite import Refused, Suite
 from skyarm.studies.compare.suite import Case, Condition
-from skyarm.studies.sweep.intervals import wilson
-from skyarm.view.pages import DASH, Report, Section, Table, number
+from skyarm.studies.trial.table import COLUMNS, Column, refusals, report_of, success_share
+from skyarm.view.pages import DASH, Report, Section, Table, table_of
 
 CONTACT = "contact-suite"
 
@@ -156,20 +154,8 @@ APART = 0.05
 """Largest distance (m) of a landed vehicle from its goal."""
 
 
-NUMBERS: Mapping[str, tuple[str, str, float, float]] = {
-    "force_error": ("contact_error_mean", "force error, N", 1.0, 50.0),
-    "ripple": ("contact_ripple", "ripple, N", 1.0, 50.0),
-    "peak": ("contact_largest", "peak, N", 1.0, 50.0),
-    "tip": ("contact_tip_mean", "tip, mm", 1e3, 50.0),
-    "losses": ("contact_losses", "losses", 1.0, 50.0),
-    "time": ("phases_time", "time, s", 1.0, 50.0),
-    "jitter": (JITTER, "rotor jitter, rad/s", 1.0, 50.0),
-    "limited": (LIMITED, "a rotor at its limit, in 95 %, % of the periods", 100.0, 95.0),
-    "radial": ("grip_force_mean", "radial force on a handle, N", 1.0, 50.0),
-    "radial_most": ("grip_force_max", "largest, in 95 %, N", 1.0, 95.0),
-    "lag_most": ("grip_lag_max", "largest lag, in 95 %, deg", 180.0 / math.pi, 95.0),
-}
-"""Quantity of a cell -> metric, head, factor from SI to its unit, percentile over completed flights."""
+NUMBERS: Mapping[str, Column] = {column.name: column for column in COLUMNS["contact"]}
+"""Columns by the key of a cell; each is a percentile over completed flights."""
 
 
 def lacks(task: Task, cell: Cell, weight: float, phases: int) -> dict[str, Mask]:
@@ -214,16 +200,12 @@ def cell_record(task: Task, cell: Cell, weight: float, phases: int) -> Document:
         for k in np.flatnonzero(flags & ~bad):
             causes[str(cell.status[k]) if word == "lost" and not cell.completed[k] else word] += 1
         bad |= flags
-    count, good = len(bad), int((~bad).sum())
-    record: Document = {"flights": count, "successes": good, "success_rate": good / count}
-    record["success_interval"] = list(wilson(good, count))
+    record: Document = {"flights": len(bad), "successes": int((~bad).sum()), **success_share(~bad)}
     record["causes"] = dict(causes.most_common())
-    for name, (metric, _, _, percentile) in NUMBERS.items():
+    for name, column in NUMBERS.items():
         # of an unfinished task the time is that of an earlier phase
         counted = cell.completed & (cell.metrics["phases_done"] >= phases) if name == "time" else cell.completed
-        values = cell.metrics[metric][counted]
-        inside = np.abs(values[np.isfinite(values)])
-        record[name] = float(np.percentile(inside, percentile)) if inside.size else None
+        record[name] = column.percentile_of(cell.metrics[column.metric][counted])
     if not phases:  # the plan says when it is over
         record["time"] = None
     return record
@@ -256,51 +238,33 @@ def contact_report(found: Record) -> Report:
     """Build the report of the contact suite's results."""
     drawn = [f"{name} {task['discarded']} of {task['drawn']}" for name, task in found["tasks"].items()]
     discarded = f"Worlds discarded, in which physics does not let the task be done: {', '.join(drawn)}."
-    refused = [f"{law} does not fly: {why}" for law, why in found["not_flown"].items()]
-    flown = [Section(name="What flew", notes=[MEANING, discarded, *refused], remark=HOW)]
+    flown = [Section(name="What flew", notes=[MEANING, discarded, *refusals(found)], remark=HOW)]
     numbers = []
     for name, title in CONDITIONS.items():
-        laws = laws_of(found, name)
+        cells = {task["title"]: task["conditions"][name] for task in found["tasks"].values()}
+        laws = [law for law in found["laws"] if any(law in each for each in cells.values())]
         if not laws:
             continue
-        successes = Table(head=["task", *(f">{law}" for law in laws)], rows=success_rows(found, name))
-        flown.append(Section(title=f"Successes, {title}", tables=[successes]))
-        head = ("task", "law", ">success", *(f">{h}" for _, h, *_ in NUMBERS.values()))
-        table = Table(head=(*head, "lacked"), rows=number_rows(found, name))
-        numbers.append(Section(title=f"Numbers, {title}", remark=MEDIANS, tables=[table]))
-    return Report(
-        title=f"Tasks in contact, {found['worlds']} perturbed worlds each, on {found['plant']}",
-        facts=f"{found['worlds']} worlds a task, seed {found['seed']}; skyarm {versions()['skyarm']}",
-        sections=[*flown, *numbers],
-    )
-
-
-def laws_of(found: Record, condition: str) -> list[str]:
-    """Names of the controllers with results in any contact task under a condition, in order."""
-    flown = {law for task in found["tasks"].values() for law in task["conditions"][condition]}
-    return [law for law in found["laws"] if law in flown]
-
-
-def success_rows(found: Record, condition: str) -> list[list[str]]:
-    """Table rows of success counts, one row per contact task, one column per controller."""
-    return [
-        [task["title"], *(_successes(task["conditions"][condition].get(law)) for law in laws_of(found, condition))]
-        for task in found["tasks"].values()
-    ]
-
-
-def number_rows(found: Record, condition: str) -> list[list[str]]:
-    """Table rows of median errors and failure causes, one row per contact task and controller."""
-    return [
-        [
-            task["title"], law, _successes(cell),
-            *(number(cell[name], factor) for name, (_, _, factor, _) in NUMBERS.items()),
-            ", ".join(f"{word} {count}" for word, count in cell["causes"].items()) or DASH,
+        successes = [[task, *(_successes(each.get(law)) for law in laws)] for task, each in cells.items()]
+        flown.append(Section(title=f"Successes, {title}", tables=[table_of(["task", *laws], successes)]))
+        rows = [
+            [task, law, _successes(cell), *(column.cell(cell[key]) for key, column in NUMBERS.items()), _causes(cell)]
+            for task, each in cells.items()
+            for law, cell in each.items()
         ]
-        for task in found["tasks"].values()
-        for law, cell in task["conditions"][condition].items()
-    ]  # fmt: skip
+        heads = (f">{column.head}" for column in NUMBERS.values())
+        table = Table(head=("task", "law", ">success", *heads, "lacked"), rows=rows)
+        numbers.append(Section(title=f"Numbers, {title}", remark=MEDIANS, tables=[table]))
+    return report_of(
+        f"Tasks in contact, {found['worlds']} perturbed worlds each, on {found['plant']}",
+        f"{found['worlds']} worlds a task, seed {found['seed']}",
+        [*flown, *numbers],
+    )
 
 
 def _successes(cell: Record | None) -> str:
     return DASH if cell is None else f"{cell['successes']} of {cell['flights']}"
+
+
+def _causes(cell: Record) -> str:
+    return ", ".join(f"{word} {count}" for word, count in cell["causes"].items()) or DASH

@@ -14,7 +14,6 @@ import numpy as np
 from skyarm.control.controller import ControllerError
 from skyarm.log.metrics.windows import Window, Windows
 from skyarm.records.arrays import AnyArray as Array
-from skyarm.records.files import versions
 from skyarm.records.immutable import immutable
 from skyarm.scenario.controller_table import controller_by_name
 from skyarm.scenario.scenario_record import Scenario
@@ -34,9 +33,10 @@ from skyarm.studies.compare.envelope_axes import (
 from skyarm.studies.compare.run_suite import DPI, Refused, Suite
 from skyarm.studies.compare.suite import Case, Condition
 from skyarm.studies.trial.facts import DURATION, PAPER, Setting, setting_of
+from skyarm.studies.trial.table import refusals, report_of
 from skyarm.view.figures.comparison_figures import envelope_figure
 from skyarm.view.figures.style import image_bytes
-from skyarm.view.pages import DASH, Report, Section, Table, image, number
+from skyarm.view.pages import DASH, Report, Section, image, number, table_of
 
 ENVELOPE = "envelope-suite"
 
@@ -343,18 +343,18 @@ def envelope_report(found: Record, picture: bytes | None = None) -> Report:
     seconds = " and ".join(f"{each:g} s" for each in sorted({axis["window_s"][1] for axis in axes.values()}))
     counted = [f"{len(each)} {one if len(each) == 1 else many}" for each, one, many in
                ((laws, "law", "laws"), (axes, "axis", "axes"))]  # fmt: skip
-    return Report(
-        title=f"The envelope of {found['vehicle']}",
-        facts=f"{', '.join(counted)}, seed {found['seed']}, plant {found['plant']}; skyarm {versions()['skyarm']}",
-        sections=[
+    return report_of(
+        f"The envelope of {found['vehicle']}",
+        f"{', '.join(counted)}, seed {found['seed']}, plant {found['plant']}",
+        [
             summary_section(found, picture),
             *(
                 Section(
                     title=axis_title(name, axis),
                     remark=HOW.format(seconds=seconds) if name == next(iter(axes)) else "",
                     tables=[
-                        Table(head=axis_head(axis), rows=axis_rows(axis)),
-                        Table(head=axis_head(axis), rows=command_rows(axis), caption=COMMANDS),
+                        table_of(axis_head(axis), axis_rows(axis)),
+                        table_of(axis_head(axis), command_rows(axis), title=COMMANDS),
                     ],
                 )
                 for name, axis in axes.items()
@@ -366,12 +366,12 @@ def envelope_report(found: Record, picture: bytes | None = None) -> Report:
 def summary_section(found: Record, picture: bytes | None = None) -> Section:
     """Report section with the range of every difficulty axis that each controller tolerates."""
     axes, laws = found["axes"], found["laws"]
-    words = [f"{law} does not fly: {why}" for law, why in found["not_flown"].items()]
+    levels = " / ".join(f"{1e3 * level:g}" for level in LEVELS)
     return Section(
         name="How far each law is good",
-        notes=[MEANING, *words],
+        notes=[MEANING, *refusals(found)],
         pictures=image(CAPTION, CAPTION, picture, wide=True) if picture else "",
-        tables=[Table(head=summary_head(laws), rows=summary_rows(axes, laws))],
+        tables=[table_of([f"within {levels} mm up to", *laws], summary_rows(axes, laws))],
     )
 
 
@@ -396,7 +396,7 @@ def cell_text(point: Record, judged: str) -> str:
 
 def axis_head(axis: Record) -> list[str]:
     """Column headings of a difficulty axis' table: controller, then values with their unit."""
-    return ["law", *(f">{value:g} {axis['unit']}" for value in axis["values"])]
+    return ["law", *(f"{value:g} {axis['unit']}" for value in axis["values"])]
 
 
 def axis_rows(axis: Record) -> list[list[str]]:
@@ -448,9 +448,3 @@ def summary_rows(axes: Record, laws: Sequence[str]) -> list[list[str]]:
         cells = [reach_text(axis, axis["laws"][law]) if law in axis["laws"] else DASH for law in laws]
         rows.append([f"{axis_words(name)}, {span}", *cells])
     return rows
-
-
-def summary_head(laws: Sequence[str]) -> list[str]:
-    """Column headings of the envelope's summary table."""
-    levels = " / ".join(f"{1e3 * level:g}" for level in LEVELS)
-    return [f"within {levels} mm up to", *(f">{law}" for law in laws)]

@@ -3,26 +3,28 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Mapping, Sequence
+from itertools import chain
 
 from skyarm.control.catalogue import require_different
 from skyarm.log.metrics.metric_catalogue import GRASPS, metric_words
 from skyarm.log.team_log import WITHIN
-from skyarm.records.files import PathLike, versions
+from skyarm.records.files import PathLike
 from skyarm.records.identity import identity
 from skyarm.records.immutable import immutable
 from skyarm.records.registry import names
-from skyarm.records.text_tables import shown_number
 from skyarm.scenario.in_flight import stretches
 from skyarm.scenario.scenario_file import as_scenario
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.simulate.draws import draws_needed
-from skyarm.studies.compare.cell_flights import JITTER, LIMITED, CellFlights, Document, Record
-from skyarm.studies.compare.comparison import BASE, JOINT, TOOL, title_of
+from skyarm.studies.compare.cell_flights import CellFlights, Document, Record
+from skyarm.studies.compare.comparison import title_of
 from skyarm.studies.compare.entrants import Entrant
 from skyarm.studies.compare.run_suite import Refused, SummarySuite
 from skyarm.studies.compare.suite import Case, Condition
-from skyarm.view.pages import Report, Section, Table, number
+from skyarm.studies.trial.table import COLUMNS, Column, refusals, report_of
+from skyarm.view.pages import Report, Section, table_of
 
 OWN = "own"
 """Name of the scenario's own law, which flies first."""
@@ -32,16 +34,6 @@ LAWS = (OWN, "paper_pd", "paper_ct", "centroidal_tip")
 
 AS_GIVEN = "given"
 """Name of the only condition: sensors, delays, air and forces of the file."""
-
-COLUMNS: Sequence[tuple[str, str, float]] = (
-    ("base, mm", BASE, 1e3),
-    ("joints, mrad", JOINT, 1e3),
-    ("tip, mm", TOOL, 1e3),
-    ("rotor jitter, rad/s", JITTER, 1.0),
-    ("a rotor at its limit, %", LIMITED, 100.0),
-    ("largest tilt, deg", "tilt_max", 57.29577951308232),
-)
-"""Columns: head, metric, factor from SI to the unit of the head; user-defined metrics follow in their units."""
 
 
 @immutable
@@ -130,41 +122,46 @@ class OwnScenario(SummarySuite[GivenFlights]):
     def report(self, found: Record, pictures: Mapping[str, bytes] | None = None) -> Report:
         """Comparison report with one table: a row per controller and vehicle, means over completed flights."""
         (case, laws), *_ = found["summaries"][AS_GIVEN].items()
-        counted = (name for each in laws.values() for name in each["metrics"])
-        agents = dict.fromkeys("".join(name.rpartition(WITHIN)[:2]) for name in counted)  # "left/", of one vehicle ""
-        several, rows = len(agents) > 1, list[list[str]]()
-        grasps = [(f"{each.words}, {each.unit}", name, 1.0) for name, each in GRASPS.items() if several]
-        columns = [*COLUMNS, *grasps]
-        added = {name: ", ".join(filter(None, metric_words(name))) for name in names("metric", shipped=False)}
-        for law, each in laws.items():
-            flown = f"{each['completed']} of {each['episodes']}"
-            for agent in agents:
-                means = {name: (score or {}).get("mean") for name, score in each["metrics"].items()}
-                cells = [number(means.get(agent + name), factor) for _, name, factor in columns]
-                own = [means.get(agent + name) for name in added]
-                cells += [number(mean) if mean is None else shown_number(mean) for mean in own]
-                rows.append([law, *([agent.rstrip(WITHIN)] if several else []), flown, *cells])
-        notes = [f"{law} does not fly: {why}" for law, why in found.get("not_flown", {}).items()]
-        notes += [
+        of_agents = {law: _of_agents(each["metrics"]) for law, each in laws.items()}
+        agents = dict.fromkeys(chain.from_iterable(of_agents.values()))
+        several = len(agents) > 1
+        columns = [
+            *COLUMNS["own"],
+            *(Column(head=f"{each.words}, {each.unit}", metric=name) for name, each in GRASPS.items() if several),
+            *(
+                Column(head=", ".join(filter(None, metric_words(name))), metric=name, fine=math.inf)
+                for name in names("metric", shipped=False)
+            ),
+        ]
+        rows = [
+            [
+                *((law, agent) if several else (law,)),
+                f"{each['completed']} of {each['episodes']}",
+                *(column.text(of_agents[law].get(agent, {})) for column in columns),
+            ]
+            for law, each in laws.items()
+            for agent in agents
+        ]
+        endings = [
             f"{law}: {ending} ({count} of {each['episodes']})"
             for law, each in laws.items()
             for ending, count in each["endings"].items()
             if ending != "completed"
         ]
-        head = [
-            "law",
-            *(["agent"] if several else []),
-            ">completed",
-            *(f">{title}" for title in (*(title for title, *_ in columns), *added.values())),
-        ]
-        return Report(
-            title=f"{title_of(list(laws))}, {case} on {found['plant']}",
-            facts=f"seed {found['seed']}; skyarm {versions()['skyarm']}",
-            sections=[
-                Section(
-                    name="Means over the flights that came to their end",
-                    notes=notes,
-                    tables=[Table(head=head, rows=rows)],
-                )
-            ],
+        first = ("law", "agent") if several else ("law",)
+        table = table_of([*first, "completed", *(each.head for each in columns)], rows, left=len(first))
+        notes, name = [*refusals(found), *endings], "Means over the flights that came to their end"
+        return report_of(
+            f"{title_of(list(laws))}, {case} on {found['plant']}",
+            f"seed {found['seed']}",
+            [Section(name=name, notes=notes, tables=[table])],
         )
+
+
+def _of_agents(metrics: Record) -> Mapping[str, Document]:
+    """Statistics of the metrics by the name of their vehicle, empty for the only one."""
+    agents: dict[str, Document] = {}
+    for full, each in metrics.items():
+        agent, _, name = full.rpartition(WITHIN)
+        agents.setdefault(agent, {})[name] = each
+    return agents

@@ -29,7 +29,6 @@ from skyarm.records.files import (
     read_toml,
     require_file,
     shown,
-    versions,
 )
 from skyarm.records.files import number as number_of
 from skyarm.records.files.fields import filled_list
@@ -37,12 +36,11 @@ from skyarm.records.files.messages import nearest
 from skyarm.records.files.names import is_result_name, require_kind
 from skyarm.records.immutable import immutable
 from skyarm.records.read_table import record_from
-from skyarm.records.text_tables import shown_number
 from skyarm.scenario.controller_table import controller_by_name, is_gains_file
 from skyarm.scenario.numbers import require_apart
 from skyarm.scenario.readers import require_plugins
 from skyarm.scenario.scenario_record import Scenario, ScenarioError, whole
-from skyarm.studies.compare.cell_flights import JITTER, Cell, CellFlights, Document, Record, values_of
+from skyarm.studies.compare.cell_flights import JITTER, Cell, CellFlights, Document, Record
 from skyarm.studies.compare.entrants import Entrant, chosen_laws
 from skyarm.studies.compare.own_scenario import OWN, has_chance
 from skyarm.studies.compare.run_suite import Refused, Suite
@@ -52,9 +50,10 @@ from skyarm.studies.sweep.design import Design, values
 from skyarm.studies.sweep.distributions import Distribution, distribution_from
 from skyarm.studies.sweep.plan import fastest_plant
 from skyarm.studies.trial.facts import DURATION, PAPER, Setting, setting_of, setting_of_scenario
+from skyarm.studies.trial.table import Column, refusals, report_of, values_of
 from skyarm.studies.trial.trial import MOTIONS, Trial
 from skyarm.vehicle.vehicle_files import load_vehicle
-from skyarm.view.pages import Report, Section, Table, number
+from skyarm.view.pages import Report, Section, Table, table_of
 
 LAWS = ("paper_pd", "paper_ct", "centroidal_tip")
 """Laws of a suite that names none."""
@@ -262,22 +261,19 @@ class FileSuite(Suite[TrialFlights]):
     def report(self, found: Record, pictures: Mapping[str, bytes] | None = None) -> Report:
         """Report with a section for each trial, and a table for each metric in it."""
         vehicle = f"{found['vehicle'] or PAPER}, " if any(not trial.file for trial in self.trials) else ""
-        notes = [MEANING, *(f"{law} does not fly: {why}" for law, why in found["not_flown"].items())]
+        notes = [MEANING, *refusals(found)]
         tables = {name: [_table(entry, metric) for metric in self.metrics] for name, entry in found["trials"].items()}
         criteria = {trial.name: [_criterion(trial.success)] for trial in self.trials if trial.success}
         trials = [
             Section(title=found["trials"][name]["title"], notes=criteria.get(name, []), tables=each)
             for name, each in tables.items()
         ]
-        return Report(
-            title=found["title"],
-            facts=f"{vehicle}{found['plant']}, seed {found['seed']}; skyarm {versions()['skyarm']}",
-            sections=[Section(name="What flew", notes=notes), *trials],
-        )
+        facts = f"{vehicle}{found['plant']}, seed {found['seed']}"
+        return report_of(found["title"], facts, [Section(name="What flew", notes=notes), *trials])
 
 
 FINE = 0.1
-"""Number below which three digits are shown instead of two decimals."""
+"""Number below which three digits are shown: of joint torques and body rates two decimals may be nothing."""
 
 MEANING = "Means over the flights that came to their end, behind the count of successes where some did not."
 
@@ -291,8 +287,7 @@ def _criterion(success: Mapping[str, float]) -> str:
 def _point(cell: Cell, rows: slice, metrics: Sequence[str], trial: SuiteTrial) -> Document:
     """Results of one law at one value; of several vehicles the largest of theirs."""
     flown, wanted = cell.completed[rows], (*metrics, *trial.success)
-    columns = {name: [cell.metrics[name]] if name in cell.metrics else values_of(cell.metrics, name) for name in wanted}
-    numbers = {name: np.max([each[rows] for each in several], axis=0) for name, several in columns.items()}
+    numbers = {name: np.max([each[rows] for each in values_of(cell.metrics, name)], axis=0) for name in wanted}
     with np.errstate(invalid="ignore"):
         good: Mask = np.all([flown, *(numbers[name] <= most for name, most in trial.success.items())], axis=0)
     means = {name: numbers[name][flown & np.isfinite(numbers[name])] for name in metrics}
@@ -308,18 +303,17 @@ def _point(cell: Cell, rows: slice, metrics: Sequence[str], trial: SuiteTrial) -
 def _table(entry: Record, metric: str) -> Table:
     """Table of a metric in a trial: a row for each law, a column for each value."""
     words, unit = metric_words(metric)
-    factor, unit = (1e3, "mm") if unit == "m" else (1.0, unit)
-    values = (f">{value:g} {entry['unit']}".rstrip() for value in entry["values"])
-    rows = [[law, *(_cell(each, metric, factor) for each in points)] for law, points in entry["laws"].items()]
-    return Table(head=["law", *values], rows=rows, caption=f"{words}, {unit}" if unit else words)
+    factor, unit, fine = (1e3, "mm", 0.0) if unit == "m" else (1.0, unit, FINE)
+    column = Column(head=f"{words}, {unit}" if unit else words, metric=metric, factor=factor, fine=fine)
+    values = (f"{value:g} {entry['unit']}".rstrip() for value in entry["values"])
+    rows = [[law, *(_cell(each, column) for each in points)] for law, points in entry["laws"].items()]
+    return table_of(["law", *values], rows, title=column.head)
 
 
-def _cell(point: Record, metric: str, factor: float) -> str:
+def _cell(point: Record, column: Column) -> str:
     if not point["completed"]:
         return ", ".join(point["endings"])
-    mean = point["means"][metric]
-    # of joint torques and body rates two decimals may be nothing
-    mean = shown_number(mean) if mean is not None and factor == 1.0 and abs(mean) < FINE else number(mean, factor)
+    mean = column.cell(point["means"][column.metric])
     every = point["success"] == point["flights"]
     return mean if every else f"{point['success']} of {point['flights']}; {mean}"
 

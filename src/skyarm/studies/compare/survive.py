@@ -14,7 +14,6 @@ import numpy as np
 from skyarm.control.controller import ControllerError
 from skyarm.log.metrics.windows import LAST, Window, Windows
 from skyarm.records.arrays import AnyArray as Array
-from skyarm.records.files import versions
 from skyarm.records.immutable import immutable
 from skyarm.scenario.numbers import number_at
 from skyarm.scenario.scenario_record import Scenario
@@ -26,7 +25,8 @@ from skyarm.studies.compare.run_suite import Refused, Suite
 from skyarm.studies.compare.suite import Case, Condition
 from skyarm.studies.compare.survive_trials import TRIALS, SurviveTrial
 from skyarm.studies.trial.facts import PAPER
-from skyarm.view.pages import Report, Section, Table, number
+from skyarm.studies.trial.table import refusals, report_of
+from skyarm.view.pages import Report, Section, Table, number, table_of
 
 SURVIVE = "survive-suite"
 
@@ -157,15 +157,15 @@ class SurviveSuite(Suite[SurviveFlights]):
     def report(self, found: Record, pictures: Mapping[str, bytes] | None = None) -> Report:
         """Report: flights that are lost and the largest tip error, law beside law."""
         laws = found["laws"]
-        notes = [MEANING, *(f"{law} does not fly: {why}" for law, why in found["not_flown"].items())]
+        notes = [MEANING, *refusals(found)]
         for row, others in worse_conditions(found).items() if FLAGSHIP in laws else ():
             notes.append(f"{FLAGSHIP} is lost more often in {row} than {', '.join(others)}.")
-        table = Table(head=["condition", *(f">{law}" for law in laws)], rows=survive_rows(found))
         titles = [(row, entry["title"]) for row, entry in found["rows"].items()]
-        return Report(
-            title=f"What laws survive on {found['vehicle']}",
-            facts=f"{len(laws)} laws, seed {found['seed']}, plant {found['plant']}; skyarm {versions()['skyarm']}",
-            sections=[Section(name="Lost and flown", notes=notes, tables=[table])],
+        tables = [table_of(["condition", *laws], survive_rows(found))]
+        return report_of(
+            f"What laws survive on {found['vehicle']}",
+            f"{len(laws)} laws, seed {found['seed']}, plant {found['plant']}",
+            [Section(name="Lost and flown", notes=notes, tables=tables)],
             page_only=[Section(title="Conditions", tables=[Table(head=("condition", "flights"), rows=titles)])],
         )
 

@@ -7,38 +7,26 @@ from collections.abc import Mapping, Sequence
 
 from skyarm.log.metrics.metric_catalogue import TEAMS
 from skyarm.records.arrays import AnyArray as Array
-from skyarm.records.files import PathLike, file_name, must_be_one_of, shown, versions
+from skyarm.records.files import PathLike, file_name, must_be_one_of, shown
 from skyarm.records.files.names import read_named
 from skyarm.records.immutable import immutable
 from skyarm.records.leaves import field_names
 from skyarm.records.registry import find
 from skyarm.scenario.scenario_file import LIBRARY, load_scenario, scenario_from
 from skyarm.scenario.scenario_record import Scenario
-from skyarm.studies.compare.cell_flights import JITTER, LIMITED, CellFlights, Document, Record, values_of
+from skyarm.studies.compare.cell_flights import CellFlights, Document, Record
 from skyarm.studies.compare.entrants import Entrant
 from skyarm.studies.compare.run_suite import Refused, SummarySuite
 from skyarm.studies.compare.suite import Case, library_rows
 from skyarm.studies.compare.team_conditions import ROWS, CarryingTeam, TeamCondition
+from skyarm.studies.trial.table import COLUMNS, report_of
 from skyarm.studies.trial.trial import DELAY, NOISE, with_entries
-from skyarm.view.pages import Report, Section, Table, number
+from skyarm.view.pages import Report, Section, table_of
 
 TEAM, FLOWN = "team-suite", "two_carry_a_bar"
 
 LAWS: Mapping[str, Record] = {row.pop("name"): row for row in library_rows("team_laws")}
 """Law of a team -> entries of the scenario's file in place of its own."""
-
-COLUMNS: Sequence[tuple[str, str, float]] = (
-    ("position, mm", "team_position_mean", 1e3),
-    ("largest", "team_position_max", 1e3),
-    ("direction, deg", "team_turn_mean", 57.29577951308232),
-    ("largest", "team_turn_max", 57.29577951308232),
-    ("RMS error of pull, N", "team_pull_rms", 1.0),
-    ("largest", "team_pull_max", 1.0),
-    ("rotor jitter, rad/s", JITTER, 1.0),
-    ("a rotor at its limit, %", LIMITED, 100.0),
-    ("a joint at its limit, %", "joint_saturation", 100.0),
-)
-"""Columns: head, metric, factor from SI to the unit of the head; of several vehicles the largest."""
 
 
 @immutable(slots=False)
@@ -167,21 +155,19 @@ class TeamSuite(SummarySuite[TeamFlights]):
                 ROWS[row].get(word, ROWS[row]["title"]),
                 law,
                 f"{each['success']} of {each['episodes']}",
-                *numbers_of(each),
+                *(column.text(each["metrics"]) for column in COLUMNS["team"]),
             ]
             for row, cases in found["summaries"].items()
             for laws in cases.values()
             for law, each in laws.items()
         ]
         (case, *_), *_ = found["summaries"].values()
-        head = ["condition", "law", ">placed", *(f">{title}" for title, *_ in COLUMNS)]
         notes = [f"not flown: {name} {why}" for name, why in found.get("not_flown", {}).items()]
-        return Report(
-            title=f"Laws of a team, {case} on {found['plant']}",
-            facts=f"{found['seeds']} flights, seed {found['seed']}; skyarm {versions()['skyarm']}",
-            sections=[
-                Section(name="Flights that came to their end", notes=notes, tables=[Table(head=head, rows=rows)])
-            ],
+        table = table_of(["condition", "law", "placed", *(each.head for each in COLUMNS["team"])], rows, left=2)
+        return report_of(
+            f"Laws of a team, {case} on {found['plant']}",
+            f"{found['seeds']} flights, seed {found['seed']}",
+            [Section(name="Flights that came to their end", notes=notes, tables=[table])],
         )
 
 
@@ -211,13 +197,3 @@ def unfit(flights: TeamFlights) -> str:
     except ValueError as error:
         return str(error)
     return ""
-
-
-def numbers_of(summary: Record) -> list[str]:
-    """Cells of a law under a condition: means over its flights, of largest errors the largest."""
-    cells = []
-    for _, name, factor in COLUMNS:
-        spreads = filter(None, values_of(summary["metrics"], name))
-        how = "max" if name.endswith("max") else "mean"
-        cells.append(number(max((each[how] for each in spreads), default=None), factor))
-    return cells
