@@ -25,6 +25,7 @@ from skyarm.scenario.scenario_file import scenario_from
 from skyarm.sensing.measurement import SensorNoise
 from skyarm.simulate.batch import Batch
 from skyarm.studies.compare.contact_tasks import RADIUS, TASKS
+from skyarm.studies.trial.trial import columns_of
 from skyarm.world.component import Force, Wrench
 from support.measured_tables import mean_and_largest, print_part
 
@@ -188,10 +189,9 @@ def together(scenario, values, metrics, seeds, seed):
 def handles(seeds, seed):
     """Door and valve by their handle, whose arc is believed 6 % too wide or too narrow."""
     for task, turns in (("pull_door", 60.0), ("turn_valve", 90.0)):
-        scenario, (name, *way) = noisy_task(task), TASKS[task].hinge
-        paths = {f"world.{name}.position.{i}": length for i, length in enumerate(way) if length}
-        wrong = np.array([-RADIUS, RADIUS])
-        values = {path: number_at(scenario, path) + wrong * length for path, length in paths.items()}
+        scenario = noisy_task(task)
+        off = {path: text for path, text in TASKS[task].numbers.items() if "hinge" in text}
+        values = columns_of(off, scenario, {"hinge": np.array([-RADIUS, RADIUS])})
 
         metrics = ("grip_force_mean", "grip_force_max", "mechanism_furthest")
         completed, found = together(scenario, values, metrics, seeds, seed)

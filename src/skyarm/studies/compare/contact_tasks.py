@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import tomllib
 from collections.abc import Mapping
+from dataclasses import field
 from typing import Any
 
 from skyarm.control.controller import presses
@@ -57,17 +58,12 @@ class Task:
         name: name of the shipped scenario. title: title in a few words.
         push: desired push, N; 0 without. normal: nominal, out of the surface.
         face: distance, m, from the tip's path to the nominal surface, against the normal.
-        materials: names of the touched objects, as ``surfaces.wall``; all of one stiffness and friction.
         friction: bounds. sideways: whether the tip slides so that friction turns the vehicle.
-        wind: N, largest. wrong_normal: whether the nominal normal is wrong.
-        hinge: name of a mechanism whose hinge is displaced from nominal, and the vector from tip to hinge, m.
-        drags: name of a mechanism of which closer, damping and friction are unknown.
-        grip: name of a gripper that holds it with the drawn stiffness, and goes along an arc.
+        wind: N, largest.
+        grip: name of a gripper that holds what goes along an arc.
         object: name of an object of unknown mass.
-        held: whether the force must be held.
-        place: position where the object must lie in the end, x and y, m.
-        angle: opening that the mechanism must reach, rad or m.
-        depth: height that the tip must reach, m. stands: share of the weight on the surface in the end.
+        numbers: path -> expression of what is drawn (:mod:`skyarm.studies.compare.contact_worlds`) and of "now".
+        success: criterion -> expression of metrics, SI, and of "weight", N; at least 0 where it is met.
     """
 
     name: str
@@ -75,20 +71,13 @@ class Task:
     push: float = 0.0
     normal: tuple[float, float, float] = (-1.0, 0.0, 0.0)
     face: float = 0.0
-    materials: tuple[str, ...] = ()
     friction: Range = FRICTION
     sideways: bool = False
     wind: float = WIND
-    wrong_normal: bool = False
-    hinge: tuple[str, float, float, float] | None = None
-    drags: str = ""
     grip: str = ""
     object: str = ""
-    held: bool = False
-    place: tuple[float, float] | None = None
-    angle: float | None = None
-    depth: float | None = None
-    stands: float | None = None
+    numbers: Mapping[str, str] = field(default_factory=dict)
+    success: Mapping[str, str] = field(default_factory=dict)
 
 
 TASKS: Mapping[str, Task] = {row["name"]: Task(**row) for row in library_rows("contact_tasks")}

@@ -20,6 +20,7 @@ from skyarm.studies.assess.joints import effort_limits
 from skyarm.studies.assess.push_limits import HALF, WARNS, pushing_efforts, yaw_room, yaw_torques
 from skyarm.studies.compare.contact_tasks import DELAY, DRAG, MASS, NORMAL, RADIUS, STIFFNESS, THRUST, Task
 from skyarm.studies.compare.perturbed_plants import on_sphere
+from skyarm.studies.trial.trial import columns_of
 
 CHANNEL = 30
 """Channel of the random generator for worlds, separate from those of flights and perturbed plants."""
@@ -106,42 +107,22 @@ def feasible_worlds(task: Task, scenario: Scenario, drawn: Mapping[str, Array]) 
 
 def _numbers(task: Task, scenario: Scenario, drawn: Mapping[str, Array], share: Array) -> dict[str, Array]:
     """Perturbed parameters of a contact task: parameter path -> values (scenarios,)."""
-    numbers: dict[str, Array] = {}
-    for name in task.materials:
-        numbers[f"world.{name}.material.stiffness"] = drawn["stiffness"]
-        numbers[f"world.{name}.material.friction"] = drawn["friction"]
-    if task.object:
-        path = f"world.objects.{task.object}.mass"
-        numbers[path] = number_at(scenario, path) * drawn["mass"]
-    thrust = _uniform(THRUST, share[:, 4])
-    for i in range(len(scenario.agent.vehicle.rotors)):
-        path = f"plant.vehicle.rotors.{i}.thrust_coefficient"
-        numbers[path] = number_at(scenario, path) * thrust
-    numbers["delays.command"] = DELAY * share[:, 5]
-    for axis, part in zip("xyz", on_sphere(2.0 * share[:, 6] - 1.0, 2.0 * math.pi * share[:, 7]), strict=True):
-        numbers[f"environment.wind.force_W.{axis}"] = drawn["wind"] * part
-    if task.wrong_normal:
-        for i, part in enumerate(_tilt(task.normal, NORMAL * share[:, 8], 2.0 * math.pi * share[:, 9])):
-            numbers[f"reference.push.normal.{i}"] = part
-    return numbers | _handle_numbers(task, scenario, drawn, share)
-
-
-def _handle_numbers(task: Task, scenario: Scenario, drawn: Mapping[str, Array], share: Array) -> dict[str, Array]:
-    """Perturbed hinge position, mechanism friction and grip stiffness of a task with a handle, by parameter path."""
-    numbers: dict[str, Array] = {}
-    if task.hinge:
-        name, *way = task.hinge
-        for i, length in enumerate(way):
-            if length:
-                path = f"world.{name}.position.{i}"
-                numbers[path] = number_at(scenario, path) + RADIUS * (2.0 * share[:, 8] - 1.0) * length
-    if task.grip:
-        numbers[f"world.grippers.{task.grip}.stiffness"] = drawn["stiffness"]
-    for each, column in (("friction", 1), ("damping", 3), ("stiffness", 9)) if task.drags else ():
-        path = f"world.mechanisms.{task.drags}.{each}"
-        if number_at(scenario, path):
-            numbers[path] = number_at(scenario, path) * _log(DRAG, share[:, column])
-    return numbers
+    wind = on_sphere(2.0 * share[:, 6] - 1.0, 2.0 * math.pi * share[:, 7])
+    normal = _tilt(task.normal, NORMAL * share[:, 8], 2.0 * math.pi * share[:, 9])
+    drags = (("friction", 1), ("damping", 3), ("stiffness", 9))
+    draws = {
+        **drawn,
+        "thrust": _uniform(THRUST, share[:, 4]),
+        "delay": DELAY * share[:, 5],
+        "hinge": RADIUS * (2.0 * share[:, 8] - 1.0),
+        **{f"drag_{name}": _log(DRAG, share[:, column]) for name, column in drags},
+        **{f"wind_{axis}": drawn["wind"] * part for axis, part in zip("xyz", wind, strict=True)},
+        **{f"normal_{axis}": part for axis, part in zip("xyz", normal, strict=True)},
+    }
+    rotors = range(len(scenario.agent.vehicle.rotors))
+    every = {f"plant.vehicle.rotors.{i}.thrust_coefficient": "now * thrust" for i in rotors}
+    every |= {"delays.command": "delay"} | {f"environment.wind.force_W.{axis}": f"wind_{axis}" for axis in "xyz"}
+    return columns_of(every | {**task.numbers}, scenario, draws)
 
 
 def _tilt(normal: tuple[float, float, float], angle: Array, azimuth: Array) -> list[Array]:

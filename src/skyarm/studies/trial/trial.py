@@ -12,6 +12,7 @@ from dataclasses import asdict, field
 from importlib import resources
 from typing import Any, ClassVar
 
+from skyarm.records.arrays import Array
 from skyarm.records.files import errors_as, must_be_one_of, shown
 from skyarm.records.immutable import immutable
 from skyarm.scenario.numbers import number_at, with_numbers
@@ -129,6 +130,21 @@ def evaluate(text: str, facts: Facts, field: str = "expression") -> float:
         ExpressionError: one line that begins with the field.
     """
     return float(read_expression(text.removeprefix("="), facts, field).value(facts))
+
+
+def columns_of(numbers: Mapping[str, str], scenario: Scenario, draws: Mapping[str, Array]) -> dict[str, Array]:
+    """Numbers of flights: parameter path -> values (flights,).
+
+    Args:
+        numbers: path -> expression of the draws and of "now", the number of the scenario.
+        scenario: scenario that all flights have in common.
+        draws: name -> values (flights,).
+
+    Raises:
+        ExpressionError: one line that begins with the path.
+    """
+    every = {path: read_expression(text, (*draws, "now"), f'numbers."{path}"') for path, text in numbers.items()}
+    return {path: each.value({**draws, "now": number_at(scenario, path)}) for path, each in every.items()}
 
 
 def fill_in(entry: Any, facts: Facts, setting: Setting, at: str = "entries") -> Any:
