@@ -94,14 +94,11 @@ class ContactSuite(Suite[ContactFlights]):
 
     def flights(self) -> list[ContactFlights]:
         """All flights of the contact benchmark, grouped by task, controller and condition."""
-        conditions = [
-            Condition(name=name, title=title, noisy=name == "noisy", episodes=self.worlds, cases=self.tasks)
-            for name, title in CONDITIONS.items()
-        ]
+        conditions = [Condition(name=name, noisy=name == "noisy", episodes=self.worlds) for name in CONDITIONS]
         return [
             ContactFlights(
                 entrant=Entrant(name=law, law=law),
-                case=Case(name=task, title=TASKS[task].title, scenario=task),
+                case=Case(name=task),
                 condition=condition,
                 plant=self.plant,
                 seed=self.seed,

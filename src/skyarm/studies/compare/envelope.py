@@ -122,13 +122,10 @@ def axis_flights(
         ControllerError: the law does not fit the vehicle.
     """
     points, inside = axis.of(setting), Window(axis.start, setting.duration)
-    condition = "noisy" if axis.noisy else "perfect"
     whole = AxisFlights(
         entrant=Entrant(name=law, law=TUNED.get(law, law) if axis.vehicle else law),
-        case=Case(
-            name=axis.name, title=axis.title, scenario=setting.vehicle, windows=Windows(steady=inside, gust=inside)
-        ),
-        condition=Condition(name=condition, title=condition, noisy=axis.noisy, episodes=1, cases=(axis.name,)),
+        case=Case(name=axis.name, windows=Windows(steady=inside, gust=inside)),
+        condition=Condition(name="noisy" if axis.noisy else "perfect", noisy=axis.noisy),
         plant=plant,
         seed=seed,
         points=points,

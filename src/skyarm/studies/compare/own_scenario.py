@@ -106,11 +106,8 @@ class OwnScenario(SummarySuite[GivenFlights]):
         named = [name for name in named if name not in refused]
         options = self.options
         own = as_scenario(self.scenario).with_kind(options["plant"])
-        case = Case(name=own.name, title=own.title, scenario=own.name)
-        title = "the scenario as its file describes it"
-        episodes = self.seeds if has_chance(own) else 1
-        condition = Condition(name=AS_GIVEN, title=title, noisy=False, episodes=episodes, cases=(own.name,))
-        options |= {"case": case, "condition": condition, "given": self.scenario}
+        condition = Condition(name=AS_GIVEN, episodes=self.seeds if has_chance(own) else 1)
+        options |= {"case": Case(name=own.name), "condition": condition, "given": self.scenario}
         same = [n for n in named if identity(own) == identity(as_scenario(self.scenario, n).with_kind(own.kind))]
         if tuple(self.laws) == LAWS:  # of these none was asked for by its name
             named = [name for name in named if name not in same]

@@ -37,15 +37,15 @@ class Case:
     """Case of the comparison: a shipped scenario with its wind direction, unmodelled payload and metric windows.
 
     Attributes:
-        name: short name. title: one line. scenario: shipped scenario it starts from.
+        name: short name. windows: windows of the metrics.
+        title: one line, of the comparison. scenario: shipped scenario it starts from.
         wind: angle of its wind from the x axis about the vertical, rad.
         payload: point mass that the model of the controller lacks, kg.
-        windows: windows of the metrics.
     """
 
     name: str
-    title: str
-    scenario: str
+    title: str = ""
+    scenario: str = ""
     wind: float = 0.0
     payload: float = 0.0
     windows: Windows = Windows()
@@ -92,15 +92,15 @@ class Condition:
 
     Attributes:
         name: short name. title: one line. noisy: sensor noise and :data:`DELAY`; entrants use their gains for it.
-        episodes: flights of each case. cases: names.
+        episodes: flights of each case. cases: names, of the comparison.
         spread: model mismatch of the plants; None for the unperturbed plant.
     """
 
     name: str
-    title: str
-    noisy: bool
-    episodes: int
-    cases: tuple[str, ...]
+    title: str = ""
+    noisy: bool = False
+    episodes: int = 1
+    cases: tuple[str, ...] = ()
     spread: Spread | None = None
 
     def apply(self, scenario: Scenario) -> Scenario:

@@ -224,13 +224,13 @@ class FileSuite(Suite[TrialFlights]):
             given = trial.setting(self, OWN).hover
             for name in given.agents:
                 controller_by_name(given.of(name), law)  # refuses a law that does not fit the vehicle
-        setting, kind = trial.setting(self, law), "noisy" if trial.noisy else "given"
+        setting = trial.setting(self, law)
         if not trial.vary and not has_chance(trial.built(setting, trial.values[0])):
             trial = replace(trial, flights=1)
         every = TrialFlights(
             entrant=Entrant(name=law, law=law),
-            case=Case(name=trial.name, title=trial.title, scenario=setting.vehicle, windows=trial.windows),
-            condition=Condition(name=kind, title=kind, noisy=trial.noisy, episodes=trial.flights, cases=(trial.name,)),
+            case=Case(name=trial.name, windows=trial.windows),
+            condition=Condition(name="noisy" if trial.noisy else "given", noisy=trial.noisy, episodes=trial.flights),
             plant=self.plant,
             seed=self.seed,
             trial=trial,

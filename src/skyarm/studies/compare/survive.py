@@ -120,13 +120,9 @@ class SurviveSuite(Suite[SurviveFlights]):
                 cells.append(
                     SurviveFlights(
                         entrant=Entrant(name=law, law=law),
-                        case=Case(name=trial.group, title=trial.group, scenario=self.vehicle, windows=windows),
+                        case=Case(name=trial.group, windows=windows),
                         condition=Condition(
-                            name=row.rstrip(),
-                            title=trial.title,
-                            noisy=trial.noisy,
-                            episodes=len(lanes),
-                            cases=(trial.group,),
+                            name=row.rstrip(), title=trial.title, noisy=trial.noisy, episodes=len(lanes)
                         ),
                         plant=self.plant,
                         seed=self.seed,

@@ -118,10 +118,10 @@ class TeamSuite(SummarySuite[TeamFlights]):
             raise ValueError(f"{self.scenario}: must be a scenario (.toml), whose conditions {TEAM} changes, not a log")
         own = load_scenario(self.scenario)
         given = team_of(own, str(self.scenario))
-        case, planned = Case(name=own.name, title=own.title, scenario=own.name), list[TeamFlights]()
+        case, planned = Case(name=own.name), list[TeamFlights]()
         refused = dict[str, str]()
         for name in self.rows:
-            row = {"noisy": False, "episodes": self.seeds, "cases": (), **ROWS[name]}
+            row = {"episodes": self.seeds, **ROWS[name]}
             laws, plant = row.pop("laws", tuple(LAWS)), row.pop("plant", self.plant)
             condition = TeamCondition(**row)
             if why := condition.refusal(given.team):
