@@ -25,7 +25,9 @@ from skyarm.studies.compare.entrants import Entrant
 from skyarm.studies.compare.perturbed_plants import draw, hardest
 from skyarm.studies.compare.suite import Case, Condition
 from skyarm.studies.flights import Rows, Work
+from skyarm.studies.trial.facts import Setting
 from skyarm.studies.trial.table import spread, success_share, values_of
+from skyarm.studies.trial.trial import Trial
 
 JITTER, LIMITED = "rotor_jitter", "rotor_saturation"
 """Metrics that every table shows next to the tip error: RMS change of a rotor command per control period (rad/s),
@@ -181,6 +183,28 @@ class CellFlights:
         grasps = GRASPS if len(setpoints) > 1 else ()
         words = (*METRICS, EFFORTS, *grasps, *sorted(registered("metric", shipped=False)), *self.further_metrics)
         return row_names(words, setpoints)
+
+
+@immutable(slots=False)
+class TrialFlights(CellFlights):
+    """Flights of one controller in a trial at several values.
+
+    Attributes:
+        trial: the trial. setting: its vehicle. points: values that fly, SI.
+    """
+
+    trial: Trial
+    setting: Setting
+    points: tuple[float, ...]
+
+    def numbers(self, count: int) -> dict[str, Array]:
+        """Numbers of ``count`` flights at each value: parameter path -> values (flights,)."""
+        rows = [self.trial.numbers_of(self.setting, value) for value in self.points]
+        return {path: np.repeat([row[path] for row in rows], count) for path in rows[0]}
+
+    def trials(self, count: int) -> Array:
+        """Value (count,) of each flight, SI."""
+        return np.repeat(self.points, count // len(self.points))
 
 
 SUCCESS_METRIC, PLACED, SUCCESS_LIMIT = "ee_error_last_max_continuous", "team_position_last", 0.020

@@ -17,7 +17,7 @@ from skyarm.records.arrays import AnyArray as Array
 from skyarm.records.immutable import immutable
 from skyarm.scenario.controller_table import controller_by_name
 from skyarm.scenario.scenario_record import Scenario
-from skyarm.studies.compare.cell_flights import JITTER, LIMITED, ONE_BY_ONE, Cell, CellFlights, Document, Record
+from skyarm.studies.compare.cell_flights import JITTER, LIMITED, ONE_BY_ONE, Cell, Document, Record, TrialFlights
 from skyarm.studies.compare.entrants import TUNED, Entrant
 from skyarm.studies.compare.envelope_axes import (
     AXES,
@@ -51,29 +51,13 @@ QUICK = 10.0
 
 
 @immutable(slots=False)
-class AxisFlights(CellFlights):
-    """Flights of one controller in a trial at increasing difficulty, all with the same noise.
+class AxisFlights(TrialFlights):
+    """Flights of one controller in a trial at increasing difficulty, all with the same noise."""
 
-    Attributes:
-        points: values that fly, SI. vehicle: name or file. duration: s, of every flight.
-    """
-
-    points: tuple[float, ...]
-    vehicle: str = PAPER
-    duration: float = DURATION
+    trial: EnvelopeAxis
 
     further_metrics = (OVERSHOOT, OUTSIDE)
     same_noise = True
-
-    @property
-    def axis(self) -> EnvelopeAxis:
-        """Difficulty axis of these flights: a trial with one parameter that grows."""
-        return AXES[self.case.name]
-
-    @property
-    def setting(self) -> Setting:
-        """Hover scenario of the vehicle, with the scales of its envelope trials."""
-        return setting_of(self.vehicle, self.duration, self.plant)
 
     @property
     def label(self) -> str:
@@ -82,28 +66,23 @@ class AxisFlights(CellFlights):
 
     def scenario(self) -> Scenario:
         """Scenario of the envelope trial at its easiest value, or at the only value to be simulated."""
-        value = self.axis.of(self.setting)[0] if self.axis.numbers else self.points[0]
-        built = replace(self.axis.scenario(self.setting, value), seed=self.seed, name=self.case.name)
+        value = self.trial.of(self.setting)[0] if self.trial.numbers else self.points[0]
+        built = replace(self.trial.scenario(self.setting, value), seed=self.seed, name=self.case.name)
         return built.with_controller(controller_by_name(built, self.entrant.law))
 
     def values(self, scenario: Scenario) -> dict[str, Array]:
         """Parameters that vary along the difficulty axis: parameter path -> values (flights,)."""
-        if self.axis.plants:
-            count = self.episodes(scenario) // len(self.points)
-            drawn = [plants_at(self.setting, scenario, value, count, seed=self.seed) for value in self.points]
-            return {path: np.concatenate([each[path] for each in drawn]) for path in drawn[0]}
-        rows = [self.axis.numbers_of(self.setting, value) for value in self.points]
-        return {path: np.array([row[path] for row in rows]) for path in rows[0]}
+        if not self.trial.plants:
+            return self.numbers(1)
+        count = self.episodes(scenario) // len(self.points)
+        drawn = [plants_at(self.setting, scenario, value, count, seed=self.seed) for value in self.points]
+        return {path: np.concatenate([each[path] for each in drawn]) for path in drawn[0]}
 
     def episodes(self, scenario: Scenario) -> int:
         """Number of flights: one per axis value, or several perturbed plants per value."""
-        if not self.axis.plants:
+        if not self.trial.plants:
             return len(self.points)
         return len(self.points) * (min(PLANTS, ONE_BY_ONE) if self.alone(scenario) else PLANTS)
-
-    def trials(self, count: int) -> Array:
-        """Axis value (count,) of each flight, SI."""
-        return np.repeat(self.points, count // len(self.points))
 
 
 def axis_flights(
@@ -128,9 +107,9 @@ def axis_flights(
         condition=Condition(name="noisy" if axis.noisy else "perfect", noisy=axis.noisy),
         plant=plant,
         seed=seed,
+        trial=axis,
+        setting=setting,
         points=points,
-        vehicle=setting.vehicle,
-        duration=setting.duration,
     )
     if (axis.plants or axis.numbers) and not whole.alone(whole.scenario()):
         return [whole]
@@ -203,7 +182,7 @@ class Envelope(Suite[AxisFlights]):
         """Evaluate the envelope: errors of every controller at every value of every difficulty axis."""
         axes: Document = {name: axis_record(self.axis(name), self.setting_of_axis(name)) for name in self.flyable_axes}
         for flights, cell in zip(todo, cells, strict=True):
-            points = points_of(cell, flights.axis, len(flights.points))
+            points = points_of(cell, flights.trial, len(flights.points))
             axes[flights.case.name]["laws"].setdefault(flights.entrant.name, []).extend(points)
         laws = [law for law in self.laws if law not in refused]
         return {"laws": laws, "not_flown": dict(refused), "axes": axes}

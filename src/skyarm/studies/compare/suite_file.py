@@ -40,7 +40,7 @@ from skyarm.scenario.controller_table import controller_by_name, is_gains_file
 from skyarm.scenario.numbers import require_apart
 from skyarm.scenario.readers import require_plugins
 from skyarm.scenario.scenario_record import Scenario, ScenarioError, whole
-from skyarm.studies.compare.cell_flights import JITTER, Cell, CellFlights, Document, Record
+from skyarm.studies.compare.cell_flights import JITTER, Cell, Document, Record, TrialFlights
 from skyarm.studies.compare.entrants import Entrant, chosen_laws
 from skyarm.studies.compare.own_scenario import OWN, has_chance
 from skyarm.studies.compare.run_suite import Refused, Suite
@@ -108,16 +108,14 @@ class SuiteTrial(Trial):
 
 
 @immutable(slots=False)
-class TrialFlights(CellFlights):
+class FileFlights(TrialFlights):
     """Flights of one law in a trial of a suite of the user.
 
     Attributes:
-        trial: the trial. setting: its vehicle. points: values that fly, SI. metrics: of the tables.
+        metrics: of the tables.
     """
 
     trial: SuiteTrial
-    setting: Setting
-    points: tuple[float, ...]
     metrics: tuple[str, ...]
 
     @property
@@ -131,18 +129,13 @@ class TrialFlights(CellFlights):
 
     def values(self, scenario: Scenario) -> dict[str, Array]:
         """Numbers of the flights: parameter path -> values (flights,)."""
-        count, rows = self.trial.flights, [self.trial.numbers_of(self.setting, value) for value in self.points]
-        numbers = {path: np.repeat([row[path] for row in rows], count) for path in rows[0]}
+        count = self.trial.flights
         drawn = values(Design(vary=self.trial.vary, episodes=count, seed=self.seed), np.arange(count))
-        return numbers | {path: np.tile(column, len(self.points)) for path, column in drawn.items()}
+        return self.numbers(count) | {path: np.tile(column, len(self.points)) for path, column in drawn.items()}
 
     def episodes(self, scenario: Scenario) -> int:
         """Number of flights at all values."""
         return len(self.points) * self.trial.flights
-
-    def trials(self, count: int) -> Array:
-        """Value (count,) of each flight, SI."""
-        return np.repeat(self.points, count // len(self.points))
 
     def metric_names(self, setpoints: Mapping[str, Sequence[bool]]) -> tuple[str, ...]:
         """Metrics of the tables, and those that judge."""
@@ -163,7 +156,7 @@ class TrialFlights(CellFlights):
 
 
 @immutable
-class FileSuite(Suite[TrialFlights]):
+class FileSuite(Suite[FileFlights]):
     """Comparison of laws on the trials of a file.
 
     Attributes:
@@ -194,13 +187,13 @@ class FileSuite(Suite[TrialFlights]):
         """Usual folder of its results."""
         return f"out/{self.name}"
 
-    def plan_cells(self) -> tuple[list[TrialFlights], Refused]:
+    def plan_cells(self) -> tuple[list[FileFlights], Refused]:
         """All flights of the suite, and why laws do not fly a trial.
 
         Raises:
             ValueError: one line with file and trial.
         """
-        cells, refused = list[TrialFlights](), dict[str, str]()
+        cells, refused = list[FileFlights](), dict[str, str]()
         if any(not trial.file for trial in self.trials):
             with errors_as(ValueError, f"{self.source}: "):
                 load_vehicle(self.vehicle or PAPER)  # of all that hover: its fault is of no trial
@@ -215,7 +208,7 @@ class FileSuite(Suite[TrialFlights]):
             raise ValueError(f"{self.source}: {'; '.join(f'{name}: {why}' for name, why in refused.items())}")
         return cells, refused
 
-    def _cells(self, trial: SuiteTrial, law: str) -> list[TrialFlights]:
+    def _cells(self, trial: SuiteTrial, law: str) -> list[FileFlights]:
         if law == OWN and not trial.file:
             raise ControllerError("flies trials with a scenario, whose own law it is")
         if law != OWN and trial.states_controller:
@@ -227,7 +220,7 @@ class FileSuite(Suite[TrialFlights]):
         setting = trial.setting(self, law)
         if not trial.vary and not has_chance(trial.built(setting, trial.values[0])):
             trial = replace(trial, flights=1)
-        every = TrialFlights(
+        every = FileFlights(
             entrant=Entrant(name=law, law=law),
             case=Case(name=trial.name, windows=trial.windows),
             condition=Condition(name="noisy" if trial.noisy else "given", noisy=trial.noisy, episodes=trial.flights),
@@ -244,7 +237,7 @@ class FileSuite(Suite[TrialFlights]):
             each.work()  # refuses here what cannot fly
         return apart
 
-    def judge(self, todo: Sequence[TrialFlights], cells: Sequence[Cell], refused: Refused) -> Document:
+    def judge(self, todo: Sequence[FileFlights], cells: Sequence[Cell], refused: Refused) -> Document:
         """Evaluate the suite: of each trial, law and value the flights, successes and means of the metrics."""
         trials: Document = {}
         for flights, cell in zip(todo, cells, strict=True):
