@@ -81,8 +81,8 @@ COLUMNS: Mapping[str, Sequence[Column]] = {
 
 
 def values_of(metrics: Mapping[str, V], name: str) -> list[V]:
-    """Values of a metric of the catalogue, of several vehicles one for each."""
-    return [each for full, each in metrics.items() if full.rpartition(WITHIN)[2] == name]
+    """Values of a metric, of several vehicles one for each, or that of the one that the name begins with."""
+    return [each for full, each in metrics.items() if name in (full, full.rpartition(WITHIN)[2])]
 
 
 def spread(values: Array) -> dict[str, Any] | None:
