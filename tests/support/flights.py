@@ -202,7 +202,7 @@ def fly(scenario: Scenario, *, python: bool = False) -> Flight:
     flown = Engine(session.EpisodeCode(scenario, machine_code=not python, commands=False))
     while flown.fly(scenario.steps):
         pass
-    return Flight(flown._log[: flown.tick], flown.now, flown)
+    return Flight(flown.recorder.table[: flown.tick], flown.now, flown)
 
 
 @contextmanager

@@ -37,10 +37,11 @@ from skyarm.records.restore import restore
 from skyarm.reference import Reference
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.sensing.measurement import Measurement
-from skyarm.simulate.assemble_log import LoggedSamples, Piece
+from skyarm.simulate.assemble_log import Piece
 from skyarm.simulate.check_endings import Ended, ending_of_command, failed_phase, find_ending
 from skyarm.simulate.draws import draws_needed
 from skyarm.simulate.first_state import component_places, first_loop_state, first_surroundings
+from skyarm.simulate.flight_recorder import FlightRecorder
 from skyarm.simulate.inputs import FlightInputs
 from skyarm.simulate.loop_state import GivenRows, LoopState, Sample, carry_over, structure_of
 from skyarm.simulate.period import PlantSteps, Uniforms, make_fleet_period, make_period, measure
@@ -284,10 +285,11 @@ class Engine:
         parameters = doubles([*(code.numbers if numbers is None else numbers).values()])
         self._stepper = self._make_stepper(code.loop, np.array(leaves(code.carry), dtype=float), parameters)
         self._before = self._stepper.carry.copy()
-        self._first = 0  # period of the tables' first row
+        self._first = 0  # period of the inputs' first row
         self._rows = self._input_rows()
         self._width = self._rows.shape[1] - self._command_inputs  # of a row but for the commands
-        self._write_to(np.empty((len(self._rows), code.loop.logged)))  # takes memory as it is written
+        self.recorder = FlightRecorder(code.sample, len(self._rows))
+        self._stepper.read_tables(self._rows, self.recorder.table)
         self.tick = self.begun = 0
         self.ended: Ended | None = None
         self._stretch, self.commanded, self.from_outside = 1, False, math.inf
@@ -329,7 +331,8 @@ class Engine:
         self._first = self.tick
         self._inputs = FlightInputs(self.scenario, self._first, self.code.window, self.inputs)
         self._rows = self._input_rows()
-        self._write_to(self._log)
+        self.recorder.first = self._first
+        self._stepper.read_tables(self._rows, self.recorder.table)
 
     def step(self, commands: Sequence[Sequence[float]] = (), *, rotors_only: bool = False) -> bool:
         """Fly one control period; False once the episode has ended or reached its duration.
@@ -369,11 +372,6 @@ class Engine:
         self._stretch = max(1, int(size * min(8.0, PIECE / seconds)))
         return going
 
-    def _write_to(self, log: Array) -> None:
-        """Replace the table that logged samples are written to."""
-        self._log = log
-        self._stepper.read_tables(self._rows, log)
-
     def _fly(self, stop: int) -> bool:
         """Simulate up to control period ``stop``; False once the flight is over."""
         carry, first = self._stepper.carry, self._first
@@ -407,7 +405,7 @@ class Engine:
         named, command = getattr(self._stepper, "command", ("", ()))
         commands = {named: command}
         if not command:
-            sample = rebuild(self.code.sample, iter(self.row(self.tick).tolist()))
+            sample = rebuild(self.code.sample, iter(self.recorder.row(self.tick).tolist()))
             commands = {name: leaves(own.command) for name, own in zip(scenario.agents, sample.agents, strict=True)}
         for name, command in commands.items():
             ending = ending_of_command(scenario.of(name), time, command)
@@ -423,66 +421,7 @@ class Engine:
     @property
     def piece(self) -> Piece:
         """Logged samples of all control periods since the last change of the scenario."""
-        return Piece(self.scenario, self.inputs, self.begun, self.samples(self.begun, self.tick))
-
-    def samples(self, start: int, stop: int, *, kept: bool = False) -> tuple[LoggedSamples, ...]:
-        """Logged samples of each vehicle in control periods ``start`` to ``stop``, as views of the log if not kept."""
-        rows, samples = self._log[start - self._first : stop - self._first], list[LoggedSamples]()
-        rows = rows.copy() if kept else rows
-        columns = rebuild(self.code.sample, iter(rows.T))
-        for own, (first, command, measured, found, led, end) in zip(columns.agents, self._marks, strict=True):
-            samples.append(
-                LoggedSamples(
-                    states=rows[:, first:command],
-                    commands=rows[:, command:measured],
-                    measurement=own.measurement,
-                    readings=own.readings,
-                    wind=own.wind,
-                    found=rows[:, found:led],
-                    led=rows[:, led:end],
-                )
-            )
-        return tuple(samples)
-
-    @cached_property
-    def reading_columns(self) -> dict[str, slice]:
-        """Columns of each sensor's reading of the only vehicle in a row of the log, by the sensor's name."""
-        sample, places = self.code.sample.agent, dict[str, slice]()
-        begin = self._marks[0][2] + len(leaves(sample.measurement))
-        for name, reading in sample.readings:
-            places[name] = slice(begin, begin := begin + len(leaves(reading)))
-        return places
-
-    @cached_property
-    def joint_columns(self) -> slice:
-        """Columns of the measured joint positions and rates of the only vehicle in a row of the log."""
-        measured = self.code.sample.agent.measurement
-        before = (measured.time, measured.position, measured.quaternion, measured.velocity, measured.rate,
-                  measured.specific_force)  # fmt: skip
-        begin = self._marks[0][2] + len(leaves(before))
-        return slice(begin, begin + len(measured.joints) + len(measured.joint_rates))
-
-    def row(self, tick: int) -> Array:
-        """Logged row of a control period that has been flown: alive, state, command, measurement, readings."""
-        row: Array = self._log[tick - self._first]
-        return row
-
-    def states_and_commands(self, start: int, stop: int) -> list[tuple[Array, Array]]:
-        """Logged states and commands of each vehicle, of periods ``start`` to ``stop`` as views."""
-        rows = self._log[start:stop]
-        return [(rows[:, first:command], rows[:, command:measured]) for first, command, measured, *_ in self._marks]
-
-    @cached_property
-    def _marks(self) -> list[list[int]]:
-        """Columns of a logged sample at which each vehicle's state, command, measurement and later parts begin."""
-        sample, marks = self.code.sample, list[list[int]]()
-        begin = len(leaves(sample.alive))
-        for own in sample.agents:
-            later = (own.measurement, own.readings, own.wind)
-            sizes = [len(leaves(part)) for part in (own.state, own.command, later, own.found, own.led)]
-            marks.append([begin, *(begin + int(end) for end in np.cumsum(sizes))])
-            begin = marks[-1][-1]
-        return marks
+        return Piece(self.scenario, self.inputs, self.begun, self.recorder.samples(self.begun, self.tick))
 
     @property
     def now(self) -> LoopState:
@@ -546,16 +485,17 @@ class Engine:
         """Copy of the simulator's state, from which :meth:`restore` continues."""
         stepper = self._stepper
         memories = copy.deepcopy([each.memory for each in self.code.calls])
-        numbers = stepper.carry.copy(), stepper.parameters.copy(), self._log, memories, self.from_outside
+        numbers = stepper.carry.copy(), stepper.parameters.copy(), self.recorder.table, memories, self.from_outside
         return self.scenario, self._inputs, self._rows, self.begun, self.tick, self.ended, numbers
 
     def restore(self, state: EngineState) -> None:
         """Return to the simulator state of a snapshot."""
         self.scenario, self._inputs, self._rows, self.begun, self.tick, self.ended, numbers = state
-        self._stepper.carry[:], self._stepper.parameters[:], log, memories, self.from_outside = numbers
-        own = np.empty_like(log)
-        own[: self.tick] = log[: self.tick]
-        self._write_to(own)
+        self._stepper.carry[:], self._stepper.parameters[:], table, memories, self.from_outside = numbers
+        # of the snapshot's table the flight may have overwritten what follows: it goes on in one of its own
+        self.recorder.table = np.empty_like(table)
+        self.recorder.table[: self.tick] = table[: self.tick]
+        self._stepper.read_tables(self._rows, self.recorder.table)
         for calls, memory in zip(self.code.calls, copy.deepcopy(memories), strict=True):
             calls.memory = memory
 
@@ -574,7 +514,7 @@ class Engine:
         self._stepper.parameters[:] = [*numbers.values()]
         if any(word_of(path).startswith("reference.") for path in changed):
             self._rows = self._input_rows()
-            self._stepper.read_tables(self._rows, self._log)
+            self._stepper.read_tables(self._rows, self.recorder.table)
         return True
 
     def take_over(self, other: Engine, *, anew: Collection[str]) -> None:

@@ -334,7 +334,7 @@ class Session:
         engine = self._engine
         piece = engine.piece
         if self.running:  # it goes on to write where it has logged
-            piece = replace(piece, flown=engine.samples(engine.begun, engine.tick, kept=True))
+            piece = replace(piece, flown=engine.recorder.samples(engine.begun, engine.tick, kept=True))
         pieces = (*self._course.flown, piece)
         log = join_pieces(self.plan, pieces, engine.ended or running_status(self._course.now, engine.tick))
         if engine.from_outside < engine.tick:
@@ -347,7 +347,7 @@ class Session:
         """Logged samples of the control period that was flown last; none right after a change of the scenario."""
         engine = self._engine
         start = max(engine.tick - 1, engine.begun)
-        return Piece(engine.scenario, engine.inputs, start, engine.samples(start, engine.tick))
+        return Piece(engine.scenario, engine.inputs, start, engine.recorder.samples(start, engine.tick))
 
     @property
     def latest_arrays(self) -> dict[str, Array]:
@@ -355,7 +355,7 @@ class Session:
         engine, arrays = self._engine, dict[str, Array]()
         start = max(engine.tick - 1, engine.begun)
         times, agents = engine.inputs.times[start : engine.tick], engine.scenario.agents
-        rows = zip(agents.items(), engine.states_and_commands(start, engine.tick), strict=True)
+        rows = zip(agents.items(), engine.recorder.states_and_commands(start, engine.tick), strict=True)
         for (name, agent), (states, commands) in rows:
             own = state_arrays(agent.vehicle, times, states, commands)
             arrays |= own if len(agents) == 1 else {f"{name}{WITHIN}{array}": each for array, each in own.items()}
