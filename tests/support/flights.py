@@ -31,7 +31,7 @@ from skyarm.reference import Constant, Product, Ramp, Sine, Sum, Trajectory
 from skyarm.scenario.controller_table import loop_facts
 from skyarm.scenario.scenario_file import LIBRARY, list_scenarios
 from skyarm.scenario.scenario_record import Delays, Environment, Rates, Scenario
-from skyarm.simulate import session
+from skyarm.simulate import flight_programs
 from skyarm.simulate.engine import Engine, EpisodeCode
 from skyarm.simulate.loop_state import LoopState
 from skyarm.studies.flights.processes import Processes
@@ -199,7 +199,7 @@ class Flight:
 
 def fly(scenario: Scenario, *, python: bool = False) -> Flight:
     """An episode by one engine, in machine code or in Python."""
-    flown = Engine(session.EpisodeCode(scenario, machine_code=not python, commands=False))
+    flown = Engine(flight_programs.EpisodeCode(scenario, machine_code=not python, commands=False))
     while flown.fly(scenario.steps):
         pass
     return Flight(flown.recorder.table[: flown.tick], flown.now, flown)
@@ -213,7 +213,7 @@ def shared_programs() -> Iterator[None]:
     of Python are then the same objects, and a structural 0 is not taken for a 0.0. Programs keep nothing of a flight.
     """
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(session, "EpisodeCode", _codes(session.EpisodeCode))
+        patch.setattr(flight_programs, "EpisodeCode", _codes(flight_programs.EpisodeCode))
         yield
 
 

@@ -37,8 +37,9 @@ from skyarm.scenario.scenario_checks import check_scenario
 from skyarm.scenario.scenario_record import Environment, NamedSensor, Rates, Scenario, ScenarioError, first_state
 from skyarm.sensing.sensor_kinds import mount_rotation
 from skyarm.simulate.check_endings import Ended
+from skyarm.simulate.course import Course
 from skyarm.simulate.inputs import EpisodeInputs
-from skyarm.simulate.session import Course, Session, Snapshot
+from skyarm.simulate.session import Session, Snapshot
 from skyarm.world.launch_stand import LaunchStand
 
 ENDED = "autopilot"
