@@ -30,7 +30,7 @@ from skyarm.sensing.measurement import Measurement
 from skyarm.simulate.check_endings import endings_of
 from skyarm.simulate.draws import draw_plan, draws_needed
 from skyarm.simulate.first_state import first_loop_state
-from skyarm.simulate.lane_loop import held_row
+from skyarm.simulate.inputs import held_row
 from skyarm.simulate.loop_state import InputRow, LoopState, structure_of
 from skyarm.simulate.period import AgentHalf, Decided, FirstHalf, act, measure
 from skyarm.simulate.plant_steps import RigidBodySteps, rigid_body_plant
