@@ -220,7 +220,7 @@ def shared_programs() -> Iterator[None]:
 def _codes(code: Callable[..., EpisodeCode]) -> Callable[..., EpisodeCode]:
     made: dict[str, tuple[EpisodeCode, Any]] = {}
 
-    def kept(scenario: Any, vary: Any = None, numbers: Any = None, **options: Any) -> EpisodeCode:
+    def kept(scenario: Any, vary: Any = None, numbers: Any = (), **options: Any) -> EpisodeCode:
         if not scenario.controller.compiled:
             return code(scenario, vary, numbers, **options)
         text = whole_text((dataclasses.replace(scenario, changes=()), numbers, options))

@@ -18,16 +18,15 @@ from typing import Any
 
 import numpy as np
 
-from skyarm.algebra import Scalar, Scalars
+from skyarm.algebra import Scalar
 from skyarm.algebra.scalars.philox import uniforms
 from skyarm.compile.llvm.kernel import FULL, Assembly, Kernel
 from skyarm.compile.llvm.lane_stepper import Stepper
 from skyarm.compile.llvm.llvm_text import Lanes
-from skyarm.compile.tracing.program import Loop, trace_loop
+from skyarm.compile.tracing.program import Loop
 from skyarm.control.controller import Controller
 from skyarm.control.law_estimates import PushAlone
 from skyarm.dynamics import State
-from skyarm.dynamics.actuators import Command
 from skyarm.plant.interface import make_plant
 from skyarm.plant.largest_step import STATED
 from skyarm.records.arrays import Array, doubles
@@ -39,20 +38,26 @@ from skyarm.scenario.scenario_record import Scenario
 from skyarm.sensing.measurement import Measurement
 from skyarm.simulate.assemble_log import Piece
 from skyarm.simulate.check_endings import Ended, ending_of_command, failed_phase, find_ending
-from skyarm.simulate.draws import draws_needed
-from skyarm.simulate.first_state import component_places, first_loop_state, first_surroundings
+from skyarm.simulate.first_state import component_places, first_surroundings
 from skyarm.simulate.flight_recorder import FlightRecorder
 from skyarm.simulate.inputs import FlightInputs
-from skyarm.simulate.loop_state import GivenRows, LoopState, Sample, carry_over, structure_of
-from skyarm.simulate.period import PlantSteps, Uniforms, make_fleet_period, make_period, measure
+from skyarm.simulate.loop_state import LoopState, Sample, carry_over, structure_of
+from skyarm.simulate.period import PlantSteps, make_fleet_period, make_period, measure
 from skyarm.simulate.plant_steps import (
     CalledPlant,
     EpisodeEndedError,
     LawCalls,
-    RigidBodySteps,
     StagesInPython,
-    Substeps,
     rigid_body_plant,
+)
+from skyarm.simulate.program import (
+    AS_IT_IS,
+    NO_INPUTS,
+    Cut,
+    LoopProgram,
+    PeriodRow,
+    ProgramKey,
+    TracedPeriod,
 )
 from skyarm.simulate.reference_clock import clocks_of_change
 from skyarm.simulate.stages import Stages
@@ -66,21 +71,13 @@ ALIVE, TICKS = 0, 1
 """Indices of ``LoopState.alive`` and ``LoopState.ticks`` among a loop state's leaves."""
 
 
-ProgramKey = tuple[tuple[tuple[str, object], ...], tuple[str, ...]]
-"""Key of a compiled program: replaced parts and paths of the numbers; equal for programs that differ only in their
-values."""
-
-EngineRow = tuple[GivenRows, Scalars, tuple[Command, ...]]
-"""Rows of inputs, and of each vehicle the mode and values of an external command; empty where none is possible."""
-
-
-class EpisodeCode:
+class EpisodeCode(LoopProgram):
     """Traced program of one control period of a scenario, compiled to machine code unless it runs in Python.
 
     Args:
         scenario: scenario that flies now; it fixes the integration steps.
         vary: the scenario from the numbers of ``numbers``, which the program reads in every period; None without any.
-        numbers: present values by path.
+        numbers: present values.
         machine_code: False evaluates the program in Python, whose numbers are constants.
         commands: a command from outside may take the law's place.
         effort: effort of the compiler; None chooses by the length of the episode.
@@ -95,21 +92,19 @@ class EpisodeCode:
         self,
         scenario: Scenario,
         vary: Callable[[Sequence[Scalar]], Scenario] | None = None,
-        numbers: Mapping[str, float] | None = None,
+        numbers: Sequence[float] = (),
         *,
         machine_code: bool = True,
         commands: bool = True,
         effort: int | None = None,
-        key: ProgramKey | None = None,
+        key: ProgramKey = AS_IT_IS,
         window: int | None = None,
     ) -> None:
         require_shapes(scenario)
-        self.window = window or scenario.steps
-        self.scenario, self.commands, self.key = scenario, commands, key
-        self._vary, self.numbers = vary or (lambda _: scenario), dict(numbers or {})
+        super().__init__(scenario, vary, tuple(numbers), key=key)
+        self.window, self.commands = window or scenario.steps, commands
         laws = [each.controller for each in scenario.agents.values()]
         self.calls: list[LawCalls] = [] if machine_code else [LawCalls(copy.deepcopy(each.memory)) for each in laws]
-        self.first = first_loop_state(scenario)
         self.carry = self.first
         if machine_code:
             for law in laws:
@@ -117,19 +112,15 @@ class EpisodeCode:
         else:
             pairs = zip(laws, self.first.agents, strict=True)
             self.carry = _with_memories(self.first, [_carried_memory(law, own.memory) for law, own in pairs])
-        self._example = structure_of(self.carry)
-        self.draws = draws_needed(scenario)
-        self._shared = machine_code and effort is None and not (commands or numbers)
-        self._plant: PlantSteps[State] | None = None
-        if scenario.kind == "rigid_body":
-            self.substeps = Substeps(rigid_body_plant(scenario, self.first))
-        else:
+        self._shared = machine_code and effort is None and not (commands or self.numbers)
+        self._called: CalledPlant | None = None
+        if scenario.kind != "rigid_body":
             around = first_surroundings(scenario, self.first)
-            self._plant = CalledPlant(make_plant(scenario, around), Stages(scenario), around)
+            self._called = CalledPlant(make_plant(scenario, around), Stages(scenario), around)
         self.kernel: Kernel | None = None
         if machine_code:
             # of a program with numbers the scenario that it is traced from is not the one that flies
-            name = "" if any(key or ()) else program_name(scenario, commands, effort)
+            name = "" if any(key) else program_name(scenario, commands, effort)
             program = load_program(name)
             if program is None:
                 program = self._write_program(name, effort)
@@ -139,7 +130,7 @@ class EpisodeCode:
             self.substeps.traced.update(program.substeps)
             self.kernel = Kernel(self.loop, Lanes(1), logging=True, written=program.assembly)
         else:
-            self.loop = self._trace(self._step)
+            self.loop = self._trace(self._whole)
         self.sample: Sample = self.loop.result[1]
 
     @cached_property
@@ -149,7 +140,7 @@ class EpisodeCode:
 
     def _write_program(self, name: str, effort: int | None) -> FlightProgram:
         """Trace a control period and write it in LLVM's language; store it under its name."""
-        loop = self._trace(self._step)
+        loop = self._trace(self._whole)
         written = Assembly.of(loop, Lanes(1), logging=True, effort=FULL if effort is None else effort)
         if effort is None and not written.pays(self.scenario.steps):
             written = replace(written, effort=0)
@@ -157,42 +148,39 @@ class EpisodeCode:
         store_program(name, program)
         return program
 
-    def _trace(self, step: Callable[..., tuple[Tree, Tree]]) -> Loop:
+    def _trace(self, cut: Cut) -> Loop:
         waiting = [own.queue[0] for own in self.first.agents] if self.commands else []
-        fed: EngineRow = (self.inputs.row_examples, (0.0,) * len(waiting), tuple(map(structure_of, waiting)))
-        return trace_loop(step, self._example, tuple(self.numbers.values()), fed, self.draws, loops=True)
+        row = PeriodRow(
+            given=self.inputs.row_examples, modes=(0.0,) * len(waiting), commands=tuple(map(structure_of, waiting))
+        )
+        return self.trace(cut, self.carry, row)
 
-    def _begin(self, numbers: Sequence[Scalar], fed: EngineRow) -> tuple[Stages, PlantSteps[State], GivenRows]:
-        """Make the computation stages, plant model and input records of one control period, for tracing."""
-        scenario, (rows, given, commands) = self._vary(numbers), fed
-        if self.calls:
-            examples = [own.queue[0] for own in self.first.agents]
-            stages: Stages = StagesInPython(scenario, self.calls, examples, commands, given)
-        else:
-            stages = Stages(scenario, commands, given)
-        plant = RigidBodySteps(stages, self.substeps) if self._plant is None else self._plant
-        return stages, plant, rows
+    def stages(self, numbers: Any, row: PeriodRow = NO_INPUTS) -> Stages:
+        """Computation stages of a control period; in Python a law that cannot be traced is called."""
+        if not self.calls:
+            return super().stages(numbers, row)
+        examples = [own.queue[0] for own in self.first.agents]
+        return StagesInPython(self.vary(numbers), self.calls, examples, row.commands, row.modes)
 
-    def _step(
-        self, now: LoopState, numbers: Sequence[Scalar], fed: EngineRow, uniforms: Uniforms
-    ) -> tuple[LoopState, Sample]:
-        stages, plant, rows = self._begin(numbers, fed)
-        fleet = make_fleet_period(stages, self.substeps) if self._shared else None
+    def plant_steps(self, stages: Stages) -> PlantSteps[State]:
+        """Plant model within a control period; one that cannot be traced is called."""
+        return super().plant_steps(stages) if self._called is None else self._called
+
+    def _whole(self, period: TracedPeriod, now: LoopState) -> tuple[LoopState, Sample]:
+        fleet = make_fleet_period(period.stages, self.substeps) if self._shared else None
         self._shared = fleet is not None
-        return (fleet or make_period(stages, plant))(now, rows, uniforms)
+        return (fleet or make_period(period.stages, period.plant))(now, period.row.given, period.uniforms)
 
-    def _measure(
-        self, now: LoopState, numbers: Sequence[Scalar], fed: EngineRow, uniforms: Uniforms
-    ) -> tuple[LoopState, tuple[Measurement, ...]]:
+    def _measurements(self, period: TracedPeriod, now: LoopState) -> tuple[LoopState, tuple[Measurement, ...]]:
         """Run a control period up to the measurements that the laws receive; return them with the same loop state."""
-        stages, plant, rows = self._begin(numbers, fed)
-        measured = measure(stages, plant, now, stages.lead(now, rows), uniforms)
+        rows = period.stages.lead(now, period.row.given)
+        measured = measure(period.stages, period.plant, now, rows, period.uniforms)
         return now, tuple(half.read.measurement for half in measured.agents)
 
     @cached_property
     def measurement(self) -> Loop:
         """Traced program that computes the measurements of the control laws in a control period."""
-        return self._trace(self._measure)
+        return self._trace(self._measurements)
 
     def fits(self, key: ProgramKey, scenario: Scenario, changed: Sequence[str] | None = None) -> bool:
         """True if the compiled program can also fly another scenario, with other parameter values as its inputs.
@@ -206,7 +194,7 @@ class EpisodeCode:
             return False
         if changed is not None and not any(word_of(path).startswith(("plant.", *STATED)) for path in changed):
             return True
-        return self.substeps.fit(rigid_body_plant(scenario, self.first))
+        return self.serves(key, rigid_body_plant(scenario, self.first))
 
 
 def keep_apart() -> None:
@@ -282,7 +270,7 @@ class Engine:
         self.scenario = scenario or code.scenario
         self.code, self.first, self._steps = code, code.first, self.scenario.steps
         self._inputs = code.inputs
-        parameters = doubles([*(code.numbers if numbers is None else numbers).values()])
+        parameters = doubles(code.numbers if numbers is None else [*numbers.values()])
         self._stepper = self._make_stepper(code.loop, np.array(leaves(code.carry), dtype=float), parameters)
         self._before = self._stepper.carry.copy()
         self._first = 0  # period of the inputs' first row
@@ -448,15 +436,15 @@ class Engine:
         Plants that cannot be traced are replaced by the rigid body. The floats are NumPy's, which divide by 0.
         """
         scenario, ticks = self.scenario, np.array([int(float(now.ticks))])
-        stages = Stages(scenario)
-        plant = RigidBodySteps(stages, Substeps(rigid_body_plant(scenario, self.first)))
+        program = LoopProgram(scenario)
+        stages = program.stages(())
         rows = self.inputs.rows_at(ticks[0], now)
         if all(law.compiled for law in self._laws):  # the memory of another law may hold anything
             now = rebuild(now, iter(np.array(leaves(now), dtype=float)))
             rows = rebuild(rows, iter(np.array(leaves(rows), dtype=float)))
-        draws = [uniforms(scenario.seed, scenario.episode, each, ticks, count)[0] for each, count in self.code.draws]
+        draws = [uniforms(scenario.seed, scenario.episode, each, ticks, count)[0] for each, count in program.draws]
         with np.errstate(all="ignore"):
-            return make_period(stages, plant)(now, rows, tuple(np.concatenate([[], *draws])))[0]
+            return make_period(stages, program.plant_steps(stages))(now, rows, tuple(np.concatenate([[], *draws])))[0]
 
     def state(self) -> State:
         """Current true state of the only vehicle."""

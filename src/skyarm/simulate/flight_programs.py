@@ -10,7 +10,8 @@ from skyarm.scenario.in_flight import NONE, Overrides
 from skyarm.scenario.numbers import with_numbers
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.simulate.course import Course
-from skyarm.simulate.engine import Engine, EpisodeCode, ProgramKey
+from skyarm.simulate.engine import Engine, EpisodeCode
+from skyarm.simulate.program import ProgramKey
 
 
 class FlightPrograms:
@@ -52,10 +53,11 @@ class FlightPrograms:
             effort = 0 if quick else 2 if self._commands else None
 
             def vary(values: Sequence[Scalar]) -> Scenario:
-                return with_numbers(shape, dict(zip(numbers, values, strict=True)))
+                return with_numbers(shape, dict(zip(key.free, values, strict=True)))
 
+            now = tuple(numbers.values())
             code = EpisodeCode(
-                scenario, vary, numbers, commands=self._commands, effort=effort, key=key, window=self._window
+                scenario, vary, now, commands=self._commands, effort=effort, key=key, window=self._window
             )
             self.codes.append(code)
         return Engine(code, scenario, numbers)
@@ -67,4 +69,4 @@ class FlightPrograms:
     def key(self, course: Course) -> ProgramKey:
         """Identifier of a compiled program; equal for scenarios that differ in parameter values only."""
         read = self.read(course)
-        return read.parts, tuple(path for path, _ in read.numbers)
+        return ProgramKey(read.parts, tuple(path for path, _ in read.numbers))
