@@ -160,7 +160,10 @@ def test_semi_implicit_steps_are_those_of_the_scenarios_rate():
     given = bare()
     planned = dataclasses.replace(given["scenario"], integrator="euler")
     program = EnvProgram(make_task(planned, observation=given["observation"]))
-    assert program._plant.substeps(1.0 / planned.rates.control).near == planned.rates.physics // planned.rates.control
+    assert (
+        program._program.plant.substeps(1.0 / planned.rates.control).near
+        == planned.rates.physics // planned.rates.control
+    )
 
 
 def test_an_episode_begins_the_same_wherever_its_beginning_was_made():

@@ -11,6 +11,7 @@ import skyarm
 from skyarm.envs import Observed
 from skyarm.envs.env_program import EnvProgram
 from skyarm.envs.env_task import make_task
+from skyarm.simulate.program import NO_INPUTS, TracedPeriod
 
 DOCUMENT = {
     "schema": 1,
@@ -50,7 +51,9 @@ def test_force_sensors_and_the_grippers_command_are_those_of_a_session():
         assert observed == pytest.approx((*session.reference.load, *told), abs=1e-9)
         closed.append(observed[0])
         session.step(command)
-        now, outcome = program.step(now, ((), action), (), draws)
+        stages = program._program.stages(((), action))
+        plant = program._program.plant_steps(stages)
+        now, outcome = program.step(TracedPeriod(stages, plant, ((), action), NO_INPUTS, draws), now)
         observed = outcome.observation
     assert closed == [0.0] * 2 + [1.0] * 5 + [0.0] * 2
     assert abs(observed[1]) < 0.499  # the arm has turned

@@ -16,7 +16,7 @@ from support.flights import fly
 def as_measured(scenario):
     """The log of a flight as a vehicle keeps it: what its sensors said in place of the true state."""
     engine = fly(scenario).engine
-    (found,) = engine.samples(0, engine.tick)
+    (found,) = engine.recorder.samples(0, engine.tick)
     log = join_pieces(scenario, [Piece(scenario, engine.inputs, 0, (found,))], None)
     # the log has what the law received; a reading stands at the instant at which it was taken
     late = round(scenario.delays.measurement * scenario.rates.control)

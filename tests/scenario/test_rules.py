@@ -25,8 +25,9 @@ from skyarm.scenario.scenario_checks import RULES, SHARED_RULES, Rule, check_sce
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.scenario.without_effect import WithoutEffectWarning
 from skyarm.simulate import batch
+from skyarm.simulate.flight_programs import FlightPrograms
 from skyarm.simulate.loop import run_in_python
-from skyarm.simulate.session import Session, open_session
+from skyarm.simulate.session import open_session
 from skyarm.view.studio.fleet import _session
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -211,7 +212,7 @@ FLIGHTS: dict[str, Callable[[Scenario], object]] = {
 def test_what_flies_runs_all_rules_once_before(
     flight: str, runs: Counter[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(Session, "_make_engine", refuse)
+    monkeypatch.setattr(FlightPrograms, "engine", refuse)
     monkeypatch.setattr(batch, "Leg", refuse)
     monkeypatch.setattr(env_lanes, "EnvProgram", refuse)
     given = scenario("case3_wind")

@@ -257,12 +257,12 @@ def test_a_number_that_is_changed_again_compiles_nothing() -> None:
         session.change({PAYLOAD: 0.01 * value})
         session.step()
     # as it began, with the gain, with the gain and the payload
-    assert len(session._codes) == 3
+    assert len(session._programs.codes) == 3
     named = Session(BASE, (GAIN, PAYLOAD, "reference.yaw.value"))
     for path, value in ((PAYLOAD, 0.03), (GAIN, 3.0), (PAYLOAD, 0.01), (GAIN, 5.0)):
         named.change({path: value})
         named.step()
-    assert len(named._codes) == 1, "paths that are named from the start are parameters from the start"
+    assert len(named._programs.codes) == 1, "paths that are named from the start are parameters from the start"
 
 
 @pytest.mark.parametrize("machine_code", [True, False])
@@ -430,7 +430,7 @@ def test_friction_that_asks_for_shorter_steps_gets_them_though_only_a_number_cha
     session = Session(scenario)
     while session.step():
         pass
-    assert len(session._codes) == 3, "as it began, in usual steps, in short ones"
+    assert len(session._programs.codes) == 3, "as it began, in usual steps, in short ones"
     assert same_logs(session.log, run_in_python(scenario))
 
 
@@ -442,7 +442,7 @@ def test_numbers_that_are_named_before_compile_nothing_when_they_change() -> Non
                 session.step()
             session.change(values)
     assert same_logs(named.run(), plain.run())
-    assert (len(named._codes), len(plain._codes)) == (1, 3)
+    assert (len(named._programs.codes), len(plain._programs.codes)) == (1, 3)
     with pytest.raises(ScenarioError, match=r"is the same number as"):
         Session(BASE, [GAIN, "controller.gains.position.0"])
 

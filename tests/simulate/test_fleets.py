@@ -57,7 +57,7 @@ def flown(scenario, monkeypatch, steps):
     while engine.fly(scenario.steps):
         pass
     written = operations(code.loop.program.nodes, written=True)
-    return engine._log[: engine.tick], np.array(leaves(engine.now)), engine.ended, written
+    return engine.recorder.table[: engine.tick], np.array(leaves(engine.now)), engine.ended, written
 
 
 @pytest.mark.parametrize("sinks", [(), (2,), (1, 3)])

@@ -169,7 +169,7 @@ def test_where_a_flight_is_cut_does_not_matter(what: str) -> None:
         cut = native.Engine(whole.engine.code)
         while cut._fly(min(cut.tick + stretch, scenario.steps)):
             pass
-        assert whole.rows.tobytes() == cut._log[: cut.tick].tobytes()
+        assert whole.rows.tobytes() == cut.recorder.table[: cut.tick].tobytes()
         assert repr(leaves(whole.carry)) == repr(leaves(cut.now))
         assert (whole.engine.ended is None) == (cut.ended is None) == (what == "every table")
 
@@ -181,7 +181,7 @@ def test_code_made_in_a_hurry_gives_the_same_numbers() -> None:
         while flight.fly(scenario.steps):
             pass
     assert flights[0].tick == scenario.steps
-    assert flights[0]._log.tobytes() == flights[1]._log.tobytes()
+    assert flights[0].recorder.table.tobytes() == flights[1].recorder.table.tobytes()
 
 
 def test_the_effort_follows_the_work(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -83,7 +83,7 @@ def test_engines_agree_on_late_parts(rotors: float, joints: float) -> None:
     compiled = run(scenario)
     floats = fly(scenario, python=True)
     staged, other = run_in_python(scenario), run_in_python(dataclasses.replace(scenario, kind="mujoco"))
-    assert np.array_equal(floats.engine.samples(0, floats.engine.tick)[0].states[:, :3], compiled.position)
+    assert np.array_equal(floats.engine.recorder.samples(0, floats.engine.tick)[0].states[:, :3], compiled.position)
     assert np.allclose(staged.joints, compiled.joints, rtol=0.0, atol=1e-12)
     # held forces make MuJoCo's steps first order
     assert np.allclose(other.position, compiled.position, atol=1e-3)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import skyarm
-from skyarm.simulate import session as sessions
+from skyarm.simulate import flight_programs
 from support.flights import document
 
 PATHS = (
@@ -60,7 +60,7 @@ def test_numbers_that_are_read_fly_the_bits_of_constants(scenario, constants, mo
     def refuse(*_: object, **__: object) -> None:
         raise AssertionError("a change compiles machine code")
 
-    monkeypatch.setattr(sessions, "EpisodeCode", refuse)
+    monkeypatch.setattr(flight_programs, "EpisodeCode", refuse)
     assert (flown(session) == constants).all()
 
 

@@ -13,8 +13,9 @@ import skyarm
 from skyarm.compile.llvm import object_cache
 from skyarm.records.files import own_sources
 from skyarm.scenario.numbers import with_numbers
-from skyarm.simulate import engine, stored_programs
+from skyarm.simulate import stored_programs
 from skyarm.simulate.engine import EpisodeCode
+from skyarm.simulate.program import ProgramKey
 from skyarm.simulate.stored_programs import load_program, program_name
 from skyarm.world.wind import ForceWind
 
@@ -30,7 +31,7 @@ def refuse_tracing(monkeypatch):
     def refused(*_, **__):
         raise AssertionError("traced")
 
-    monkeypatch.setattr(engine, "trace_loop", refused)
+    monkeypatch.setattr("skyarm.simulate.program.trace_loop", refused)
 
 
 def flight(name="case3_wind", **numbers):
@@ -176,9 +177,9 @@ def test_the_command_stores_a_program_that_another_process_finds(monkeypatch, tm
 
 
 def test_a_program_with_numbers_is_traced_with_them():
-    scenario, key = flight(), ((), ("plant.gravity",))
+    scenario, key = flight(), ProgramKey(free=("plant.gravity",))
     for _ in range(2):
         assert EpisodeCode(scenario).loop.parameters == 0
         code = EpisodeCode(scenario, lambda values: with_numbers(scenario, {"plant.gravity": values[0]}),
-                           {"plant.gravity": 9.81}, key=key)  # fmt: skip
+                           (9.81,), key=key)  # fmt: skip
         assert code.loop.parameters == 1

@@ -37,7 +37,9 @@ from skyarm.records.leaves import rebuild
 from skyarm.scenario.numbers import number_at, with_numbers
 from skyarm.scenario.scenario_checks import require_flight
 from skyarm.scenario.scenario_record import Scenario, ScenarioError, noise_key
-from skyarm.simulate.lane_loop import LaneLoop, held_row, lane_statuses
+from skyarm.simulate.batch_leg import lane_statuses
+from skyarm.simulate.first_state import first_loop_state
+from skyarm.simulate.inputs import held_row
 from skyarm.simulate.lane_numbers import (
     LaneRules,
     checked_array,
@@ -51,7 +53,7 @@ from skyarm.simulate.lane_numbers import (
 )
 from skyarm.simulate.loop_state import InputRow, LoopState, structure_of
 from skyarm.simulate.period import make_period
-from skyarm.simulate.plant_steps import RigidBodySteps
+from skyarm.simulate.program import LoopProgram, TracedPeriod
 from skyarm.simulate.stages import Stages
 from skyarm.simulate.user_code import require_shapes
 
@@ -328,9 +330,10 @@ class BatchSession:
         self.scenario, self.paths, self._autoreset, self._seed = scenario, paths, autoreset, seed
         self._rules = LaneRules(scenario, paths)
         self._base = tuple(number_at(scenario, path) for path in paths)
-        self._loop = loop = LaneLoop(scenario, self._lane_scenario, self._base, stiffest or scenario)
-        self._first, self._law = loop.first, law
-        program = loop.program(self._period, loop.first, (self._base, structure_of(loop.first.agent.queue[0])))
+        self._first, self._law = first_loop_state(scenario), law
+        numbers = self._base, structure_of(self._first.agent.queue[0])
+        self._loop = LoopProgram(scenario, self._lane_scenario, numbers, stiffest=stiffest)
+        program = self._loop.trace(self._period, self._first)
         kernel = Kernel(program, Lanes(host_width(single=single), single=single, contract=not bit_exact))
         self._stepper = LaneStepper(kernel, lanes, seed=seed, threads=threads)
         self._parameters = self._stepper.parameters
@@ -346,14 +349,13 @@ class BatchSession:
         self.ended, self.truncated = np.zeros(lanes, dtype=bool), np.zeros(lanes, dtype=bool)
         self.reset()
 
-    def _lane_scenario(self, numbers: Sequence[Any]) -> Scenario:
-        return with_numbers(self.scenario, dict(zip(self.paths, numbers, strict=True)))
+    def _lane_scenario(self, values: tuple[Sequence[Any], Any]) -> Scenario:
+        return with_numbers(self.scenario, dict(zip(self.paths, values[0], strict=True)))
 
-    def _period(self, now: LoopState, values: Any, _fed: Any, drawn: Any) -> tuple[LoopState, tuple[()]]:
-        numbers, command = values
-        stages = Stages(self._lane_scenario(numbers), () if self._law else (command,))
-        row = own_row(stages.scenario, now.ticks)
-        following, _ = make_period(stages, RigidBodySteps(stages, self._loop.substeps))(now, (row,), drawn)
+    def _period(self, period: TracedPeriod, now: LoopState) -> tuple[LoopState, tuple[()]]:
+        scenario = period.stages.scenario
+        stages = Stages(scenario, () if self._law else (period.numbers[1],))
+        following, _ = make_period(stages, period.plant)(now, (own_row(scenario, now.ticks),), period.uniforms)
         return following, ()
 
     @property
@@ -413,8 +415,7 @@ class BatchSession:
         self._next += len(lanes)
         self._stepper.begin(lanes, self.episodes[lanes])
         with _beyond():
-            numbers = self._parameters[: len(self._base), lanes]
-            self._carry[:, lanes] = self._loop.start(numbers, self._seed, self.episodes[lanes])
+            self._carry[:, lanes] = self._loop.start(self._parameters[:, lanes], self._seed, self.episodes[lanes])
         self.ended[lanes] = self.truncated[lanes] = False
         self._over = bool((self.ended | self.truncated).any())
         self._stepper.fill()

@@ -31,7 +31,7 @@ from skyarm.reference import Constant, Product, Ramp, Sine, Sum, Trajectory
 from skyarm.scenario.controller_table import loop_facts
 from skyarm.scenario.scenario_file import LIBRARY, list_scenarios
 from skyarm.scenario.scenario_record import Delays, Environment, Rates, Scenario
-from skyarm.simulate import session
+from skyarm.simulate import flight_programs
 from skyarm.simulate.engine import Engine, EpisodeCode
 from skyarm.simulate.loop_state import LoopState
 from skyarm.studies.flights.processes import Processes
@@ -199,10 +199,10 @@ class Flight:
 
 def fly(scenario: Scenario, *, python: bool = False) -> Flight:
     """An episode by one engine, in machine code or in Python."""
-    flown = Engine(session.EpisodeCode(scenario, machine_code=not python, commands=False))
+    flown = Engine(flight_programs.EpisodeCode(scenario, machine_code=not python, commands=False))
     while flown.fly(scenario.steps):
         pass
-    return Flight(flown._log[: flown.tick], flown.now, flown)
+    return Flight(flown.recorder.table[: flown.tick], flown.now, flown)
 
 
 @contextmanager
@@ -213,14 +213,14 @@ def shared_programs() -> Iterator[None]:
     of Python are then the same objects, and a structural 0 is not taken for a 0.0. Programs keep nothing of a flight.
     """
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(session, "EpisodeCode", _codes(session.EpisodeCode))
+        patch.setattr(flight_programs, "EpisodeCode", _codes(flight_programs.EpisodeCode))
         yield
 
 
 def _codes(code: Callable[..., EpisodeCode]) -> Callable[..., EpisodeCode]:
     made: dict[str, tuple[EpisodeCode, Any]] = {}
 
-    def kept(scenario: Any, vary: Any = None, numbers: Any = None, **options: Any) -> EpisodeCode:
+    def kept(scenario: Any, vary: Any = None, numbers: Any = (), **options: Any) -> EpisodeCode:
         if not scenario.controller.compiled:
             return code(scenario, vary, numbers, **options)
         text = whole_text((dataclasses.replace(scenario, changes=()), numbers, options))

@@ -14,7 +14,7 @@ from typing import Any
 
 from skyarm.algebra import Scalar, Scalars, Vec3
 from skyarm.algebra.scalars import absolute, clip, logical_and, where
-from skyarm.compile.tracing.program import Loop, Program, trace, trace_loop
+from skyarm.compile.tracing.program import Loop, Program, trace
 from skyarm.dynamics import State
 from skyarm.dynamics.actuators.tilting import with_rest
 from skyarm.envs.action_kinds import Decision, Turn
@@ -28,12 +28,11 @@ from skyarm.scenario.numbers import number_at, with_numbers
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.sensing.measurement import Measurement
 from skyarm.simulate.check_endings import endings_of
-from skyarm.simulate.draws import draw_plan, draws_needed
 from skyarm.simulate.first_state import first_loop_state
-from skyarm.simulate.lane_loop import held_row
+from skyarm.simulate.inputs import held_row
 from skyarm.simulate.loop_state import InputRow, LoopState, structure_of
 from skyarm.simulate.period import AgentHalf, Decided, FirstHalf, act, measure
-from skyarm.simulate.plant_steps import RigidBodySteps, rigid_body_plant
+from skyarm.simulate.program import LoopProgram, TracedPeriod
 from skyarm.simulate.stages import Readings, Stages
 
 LARGEST = 1e6
@@ -84,16 +83,17 @@ class EnvProgram:
     """
 
     def __init__(self, task: LearningTask, *, loops: bool = True) -> None:
-        self.task, scenario, self._loops = task, task.scenario, loops
+        self.task, scenario = task, task.scenario
         self.paths = task.randomised.paths
         self.base = tuple(number_at(scenario, path) for path in self.paths)
         self.size = task.actions.size(scenario.agent.model.vehicle)
-        self._plant = rigid_body_plant(task.randomised.stiffest)
-        # what more steps joints need at stops is a loop; JAX, which has none, takes those that stops need at rest
-        self._substeps = self._plant.substeps if loops else self._plant.steps_at_rest
+        numbers = self.base, (0.0,) * self.size
+        self._program = LoopProgram(
+            scenario, self._scenario_of, numbers, stiffest=task.randomised.stiffest, loops=loops
+        )
         # number of the ending whose state means nothing any more
         self._diverged = next(1.0 + k for k, each in enumerate(endings_of(scenario)) if isinstance(each, Divergence))
-        self.uniforms = draws_needed(scenario)
+        self.uniforms = self._program.draws
         self.draws = (0.5,) * sum(count for _, count in self.uniforms)
         self._measurement = structure_of(self._begin(self.base, self.draws, None)[1])
         self._kept = tuple(range(len(leaves(self._measurement))))
@@ -107,8 +107,11 @@ class EnvProgram:
     def _trace(self) -> Loop:
         first, _ = self.start(self.base, self.draws)
         self.first: EnvState = structure_of(first)
-        values = (self.base, (0.0,) * self.size)
-        return trace_loop(self.step, self.first, values, (), self.uniforms, loops=self._loops, own_seeds=True)
+        return self._program.trace(self.step, self.first, own_seeds=True)
+
+    def _scenario_of(self, values: tuple[Sequence[Scalar], Scalars]) -> Scenario:
+        """Scenario of an episode, from the values of its randomised parameters beside an action."""
+        return with_numbers(self.task.scenario, dict(zip(self.paths, values[0], strict=True)))
 
     def start(
         self, numbers: Sequence[Scalar], draws: Scalars, started: Sequence[Sequence[Scalar]] | None = None
@@ -123,40 +126,35 @@ class EnvProgram:
         now, measurement, reference = self._begin(numbers, draws, started)
         action = (0.0,) * self.size
         state = EnvState(loop=now, seen=self._select_numbers(measurement), action=action)
-        return state, self._observe(self._stages(numbers), measurement, reference, action)
+        return state, self._observe(self._program.stages((numbers, ())), measurement, reference, action)
 
     def trace_start(self) -> Program:
         """Trace the reset of an episode into a program whose inputs are all the episode's parameters."""
-        started = tuple((0.5,) * (2 * count) for _, count in draw_plan(self.task.scenario).models)
-        return trace(self.start, self.base, self.draws, started)
+        return trace(self.start, self.base, self.draws, self._program.start_draws)
 
     def _begin(
         self, numbers: Sequence[Scalar], draws: Scalars, started: Sequence[Sequence[Scalar]] | None
     ) -> tuple[LoopState, Measurement, Reference]:
         """Initial closed-loop state, first measurement and first reference of an episode."""
-        stages = self._stages(numbers)
+        stages = self._program.stages((numbers, ()))
         first = first_loop_state(stages.scenario, started)
         if not self.task.actions.asks_law:
             first = first.with_agent(replace(first.agent, memory=()))
         row = held_row(stages.scenario, first.ticks)
         return (*self._measure_next(stages, first, row, draws), stages.agent.law_reference(row))
 
-    def step(
-        self, now: EnvState, values: tuple[Scalars, Scalars], _row: tuple[()], draws: Scalars
-    ) -> tuple[EnvState, StepOutcome]:
+    def step(self, period: TracedPeriod, now: EnvState) -> tuple[EnvState, StepOutcome]:
         """Simulate one control period with an action, and compute observation and reward."""
-        numbers, given = values
-        stages = self._stages(numbers)
-        action = tuple(clip(a, -1.0, 1.0) for a in given)
+        stages = period.stages
+        action = tuple(clip(a, -1.0, 1.0) for a in period.numbers[1])
         loop, own, row = now.loop, now.loop.agent, held_row(stages.scenario, now.loop.ticks)
         memory, command = self._decide(stages, now, row, action)
         around = stages.surroundings(loop, row.time)
         nothing: Any = None
         read = Readings(sensors=own.sensors, estimate=own.estimate, readings=(), measurement=nothing)
         half = AgentHalf(own.components, stages.agent.acting(own.queue), nothing, read)
-        plant = RigidBodySteps(stages, self._substeps)
         decided = [Decided(memory, command, own.clock)]
-        flown = act(stages, plant, loop, FirstHalf(loop.components, around, (half,)), decided)
+        flown = act(stages, period.plant, loop, FirstHalf(loop.components, around, (half,)), decided)
         sent = flown.alive
         # a command that is not finite ends the episode where it is, as in a single run
         state = blend(sent > 0.5, flown.agent.state, own.state)
@@ -165,7 +163,7 @@ class EnvProgram:
         flown = replace(flown, alive=1.0, ticks=loop.ticks + 1.0)
         coming = held_row(stages.scenario, flown.ticks)
         ending = self._ending(stages.scenario, state, self._goal(stages.scenario, flown.ticks), sent)
-        following, measurement = self._measure_next(stages, flown, coming, draws)
+        following, measurement = self._measure_next(stages, flown, coming, period.uniforms)
         ended = where(ending > 0.5, 1.0, 0.0)
         result = Result(
             state=state,
@@ -191,10 +189,6 @@ class EnvProgram:
         )
         return EnvState(loop=following, seen=self._select_numbers(measurement), action=action), outcome
 
-    def _stages(self, numbers: Sequence[Scalar]) -> Stages:
-        """Stages of the simulation loop for the scenario with given values of its randomised parameters."""
-        return Stages(with_numbers(self.task.scenario, dict(zip(self.paths, numbers, strict=True))))
-
     def _goal(self, scenario: Scenario, ticks: Scalar) -> Vec3:
         """Position reference at the end of a control period."""
         last = float(self.task.scenario.steps - 1)
@@ -215,7 +209,7 @@ class EnvProgram:
         self, stages: Stages, now: LoopState, row: InputRow[Reference], draws: Scalars
     ) -> tuple[LoopState, Measurement]:
         """Advance wind, contacts and sensors to the next control period, and compute the measurement there."""
-        measured = measure(stages, RigidBodySteps(stages, self._substeps), now, (row,), draws)
+        measured = measure(stages, self._program.plant_steps(stages), now, (row,), draws)
         (half,) = measured.agents
         agent = replace(now.agent, sensors=half.read.sensors, estimate=half.read.estimate, components=half.components)
         return replace(now.with_agent(agent), components=measured.components), half.read.measurement

@@ -30,9 +30,9 @@ from skyarm.scenario.in_flight import Overrides, overrides_at, sources
 from skyarm.scenario.numbers import number_at, with_numbers
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.simulate.batch_log import Logged
+from skyarm.simulate.check_endings import LaneEnd, statuses
 from skyarm.simulate.first_state import component_places
-from skyarm.simulate.inputs import episode_inputs, table_of
-from skyarm.simulate.lane_loop import LaneLoop, held_reference, lane_statuses
+from skyarm.simulate.inputs import episode_inputs, held_reference, table_of
 from skyarm.simulate.lane_numbers import require_compiled, require_short_steps
 from skyarm.simulate.loop_state import (
     AgentLoop,
@@ -45,22 +45,15 @@ from skyarm.simulate.loop_state import (
     carry_over,
     structure_of,
 )
-from skyarm.simulate.period import Uniforms, make_period
-from skyarm.simulate.plant_steps import RigidBodySteps, Substeps
-from skyarm.simulate.reference_clock import clocks_of_change, other_references
-from skyarm.simulate.stages import AgentStages, Stages
+from skyarm.simulate.period import make_period
+from skyarm.simulate.program import Goals, LoopProgram, PeriodRow, ProgramKey, TracedPeriod
+from skyarm.simulate.reference_clock import Waits, clocks_of_change, other_references
+from skyarm.simulate.stages import AgentStages
 from skyarm.simulate.tip_and_goal import goal_of, tool_of
 from skyarm.world.component import by_array, columns_of_agent
 
 Tallies = tuple[Totals, ...]
 """Running sums and extremes of each vehicle's metrics."""
-
-Goals = tuple[MetricGoal, ...]
-"""Desired positions of one vehicle by the held and the continuous reference; empty where the loop evaluates it."""
-
-FeedRow = tuple[Scalar, GivenRows, Scalars, tuple[Goals, ...]]
-"""Inputs of one control period of a batch: its number, inputs of the loop, open metric windows, desired positions of
-each vehicle."""
 
 
 class Feed:
@@ -79,23 +72,22 @@ class Feed:
         self._flags = tuple(name for name in masks if not masks[name].all())
         self._each = tuple(AgentFeed(scenario.of(name), _paths_of(paths, name)) for name in scenario.agents)
         flags = [doubles(masks[name])[:, None] for name in self._flags]
-        self.example: FeedRow = (
-            0.0,
-            tuple(each.row for each in self._each),
-            (0.0,) * len(flags),
-            tuple(tuple(map(structure_of, each.goals)) for each in self._each),
+        self.example = PeriodRow(
+            ticks=0.0,
+            given=tuple(each.row for each in self._each),
+            flags=(0.0,) * len(flags),
+            goals=tuple(tuple(map(structure_of, each.goals)) for each in self._each),
         )
         goals = [table_of(goal, scenario.steps) for each in self._each for goal in each.goals]
         ticks = np.arange(scenario.steps)[:, None]
         self.rows = np.hstack([ticks, *(each.table for each in self._each), *flags, *goals])
 
-    def read(self, varied: Scenario, fed: FeedRow) -> tuple[GivenRows, list[Goals], dict[str, Scalar]]:
+    def read(self, varied: Scenario, fed: PeriodRow) -> tuple[GivenRows, list[Goals], dict[str, Scalar]]:
         """Decode the closed-loop inputs of a period: references, desired positions, flags of the metrics' windows."""
-        ticks, rows, flags, goals = fed
         inside: dict[str, Scalar] = dict.fromkeys(self._windows, True)
-        inside |= {name: flag > 0.5 for name, flag in zip(self._flags, flags, strict=True)}
-        each = zip(self._each, varied.agents, rows, goals, strict=True)
-        read = [feed.read(varied.of(name), row, own, ticks) for feed, name, row, own in each]
+        inside |= {name: flag > 0.5 for name, flag in zip(self._flags, fed.flags, strict=True)}
+        each = zip(self._each, varied.agents, fed.given, fed.goals, strict=True)
+        read = [feed.read(varied.of(name), row, own, fed.ticks) for feed, name, row, own in each]
         return tuple(row for row, _ in read), [own for _, own in read], inside
 
 
@@ -228,17 +220,12 @@ class LegOptions:
     effort: int = 0
 
 
-CodeKey = tuple[tuple[tuple[str, object], ...], tuple[str, ...], tuple[str, ...], tuple[str, ...]]
-"""Replaced parts, varied paths, paths that changes set, and those of them that vary: equal for legs of one code."""
-
-
 class LegCode(NamedTuple):
-    """Compiled code of a batch between two scheduled changes, with its cache key and its integration step counts."""
+    """Compiled code of a batch between two scheduled changes, and the program from which it was made."""
 
     kernel: Kernel
     logged: tuple[Logged, ...]
-    key: CodeKey
-    substeps: Substeps
+    program: LoopProgram
 
 
 class Leg:
@@ -276,17 +263,18 @@ class Leg:
         if options.stiffest is not None:
             own = overrides_at(options.stiffest, periods.start) if options.stiffest.changes else overrides
             stiff = own.of(options.stiffest)
-        self._loop = LaneLoop(self.scenario, self._lane_scenario, (*self.base, *self._set.values()), stiff)
-        self.first = (self._loop.first, tuple(map(first_totals, options.wanted)))
+        key = ProgramKey(overrides.parts, self._free, tuple(self._set), tuple(self._swept))
+        numbers = (*self.base, *self._set.values())
+        self._program = LoopProgram(self.scenario, self._lane_scenario, numbers, stiffest=stiff, key=key)
+        self.first = (self._program.first, tuple(map(first_totals, options.wanted)))
         used = dict.fromkeys(window for each in options.wanted for _, window, _ in each)
         masks = {name: options.masks[name] for name in used}
         self._feed = Feed(self.scenario, (*self._free, *self._swept), masks)
         self.rows: Array = self._feed.rows[periods.start : periods.stop]
-        key = (overrides.parts, self._free, tuple(self._set), tuple(self._swept))
-        made = (leg.code for leg in before if leg.code is not None and leg.code.key == key)
-        self.code: LegCode | None = next((code for code in made if code.substeps.fit(self._loop.plant)), None)
+        made = (leg.code for leg in before if leg.code is not None)
+        self.code: LegCode | None = next((code for code in made if code.program.serves(key, self._program.plant)), None)
         if self.code is None and periods:
-            self.code = self._compile(key)
+            self.code = self._compile()
 
     def _lane_scenario(self, values: Sequence[Scalar]) -> Scenario:
         """Scenario of one flight of the batch: its own parameter values, overridden by scheduled changes."""
@@ -294,20 +282,18 @@ class Leg:
         own = {path: value for path, value in zip(self._options.paths, values, strict=False) if path in self._free}
         return with_numbers(self._shape, own | {path: named[path] for path in self._set})
 
-    def _compile(self, key: CodeKey) -> LegCode:
-        options, substeps = self._options, self._loop.substeps
+    def _compile(self) -> LegCode:
+        options = self._options
 
-        def step(
-            both: tuple[LoopState, Tallies], values: Scalars, fed: FeedRow, uniforms: Uniforms
+        def cut(
+            period: TracedPeriod, both: tuple[LoopState, Tallies]
         ) -> tuple[tuple[LoopState, Tallies], tuple[Logged, ...]]:
-            varied = self._lane_scenario(values)
-            stages, (before, tallies) = Stages(varied), both
+            stages, (before, tallies) = period.stages, both
             # the number of the period is that of the row, one for all lanes; those that ended keep their own
-            loop = replace(before, ticks=fed[0])
-            given, goals, inside = self._feed.read(varied, fed)
+            loop = replace(before, ticks=period.row.ticks)
+            given, goals, inside = self._feed.read(stages.scenario, period.row)
             rows = stages.lead(loop, given)
-            period = make_period(stages, RigidBodySteps(stages, substeps))
-            following, flown = period(loop, rows, uniforms)
+            following, flown = make_period(stages, period.plant)(loop, rows, period.uniforms)
             following = replace(following, ticks=before.ticks + flown.alive)
             alive = flown.alive > 0.5
             each = zip(stages.agents, loop.agents, rows, flown.agents, goals, strict=True)
@@ -315,12 +301,13 @@ class Leg:
             counted = {name: alive if within is True else logical_and(alive, within) for name, within in inside.items()}
             rows_of_totals = zip(tallies, options.wanted, instants, strict=False)  # a leg may count nothing
             tallies = tuple(advance_totals(sums, totals, now, counted) for sums, totals, now in rows_of_totals)
-            return (following, tallies), self._log_entries(varied, rows, flown) if options.every else ()
+            log = self._log_entries(stages.scenario, rows, flown) if options.every else ()
+            return (following, tallies), log
 
-        program = self._loop.program(step, self.first, self._loop.base, self._feed.example)
+        loop = self._program.trace(cut, self.first, self._feed.example)
         ahead = any("reference." in path for path in options.paths)
-        kernel = Kernel(program, options.lanes, logging=options.every > 0, effort=options.effort, ahead=ahead)
-        return LegCode(kernel, program.result[1], key, substeps)
+        kernel = Kernel(loop, options.lanes, logging=options.every > 0, effort=options.effort, ahead=ahead)
+        return LegCode(kernel, loop.result[1], self._program)
 
     def _log_entries(self, varied: Scenario, rows: Sequence[InputRow[Reference]], flown: Sample) -> tuple[Logged, ...]:
         """Quantities of each vehicle at a control instant that the log of the batch contains."""
@@ -357,7 +344,7 @@ class Leg:
 
     def begin(self, parameters: Array, seed: int, episodes: Array, last: tuple[Leg, Array] | None) -> Array:
         """Initial loop states and metric sums, one column per flight; carried over from a previous interval, if any."""
-        fresh = self._loop.start(parameters, seed, episodes)
+        fresh = self._program.start(parameters, seed, episodes)
         if last is None:
             totals = np.array(leaves(self.first[1]))[:, None]
             return np.vstack([fresh, np.repeat(totals, len(episodes), axis=1)])
@@ -402,4 +389,31 @@ class Leg:
         Raises:
             ScenarioError: one line.
         """
-        require_short_steps(self.scenario, self.numbers_by_path(columns), self._loop.largest)
+        require_short_steps(self.scenario, self.numbers_by_path(columns), self._program.largest)
+
+
+def lane_statuses(scenario: Scenario, values: Mapping[str, Array], now: LoopState, ticks: Array, ended: Array) -> Array:
+    """Termination status of each flight of a batch, from its final loop state.
+
+    Args:
+        scenario: scenario of the lanes.
+        values: path -> (lanes,) numbers that differ.
+        now: last state of the loop, its scalars (lanes,).
+        ticks: control periods flown.
+        ended: True where the lane stopped before its time.
+    """
+    motion = {path: column for path, column in values.items() if word_of(path).startswith("reference.")}
+    with np.errstate(all="ignore"):
+        varied = with_numbers(scenario, motion)
+        ends = [_lane_end(varied.of(name), own, ticks) for name, own in zip(varied.agents, now.agents, strict=True)]
+    return statuses(scenario, values, ends, ended)
+
+
+def _lane_end(varied: Scenario, own: AgentLoop, ticks: Array) -> LaneEnd:
+    """End of one vehicle in each flight of a batch, from the scenario of its flight with the lanes' numbers."""
+    if own.clock:
+        reference = Waits(varied).held_reference(own.clock, ticks)
+    else:
+        reference = held_reference(varied, np.minimum(ticks, varied.steps - 1))
+    failed = np.asarray(own.clock.failed) > 0.5 if own.clock else None
+    return LaneEnd(own.state, table_of(reference.dense().position, len(ticks)), failed)

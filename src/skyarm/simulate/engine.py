@@ -18,16 +18,15 @@ from typing import Any
 
 import numpy as np
 
-from skyarm.algebra import Scalar, Scalars
+from skyarm.algebra import Scalar
 from skyarm.algebra.scalars.philox import uniforms
 from skyarm.compile.llvm.kernel import FULL, Assembly, Kernel
 from skyarm.compile.llvm.lane_stepper import Stepper
 from skyarm.compile.llvm.llvm_text import Lanes
-from skyarm.compile.tracing.program import Loop, trace_loop
+from skyarm.compile.tracing.program import Loop
 from skyarm.control.controller import Controller
 from skyarm.control.law_estimates import PushAlone
 from skyarm.dynamics import State
-from skyarm.dynamics.actuators import Command
 from skyarm.plant.interface import make_plant
 from skyarm.plant.largest_step import STATED
 from skyarm.records.arrays import Array, doubles
@@ -37,21 +36,28 @@ from skyarm.records.restore import restore
 from skyarm.reference import Reference
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.sensing.measurement import Measurement
-from skyarm.simulate.assemble_log import LoggedSamples, Piece
+from skyarm.simulate.assemble_log import Piece
 from skyarm.simulate.check_endings import Ended, ending_of_command, failed_phase, find_ending
-from skyarm.simulate.draws import draws_needed
-from skyarm.simulate.first_state import component_places, first_loop_state, first_surroundings
+from skyarm.simulate.first_state import component_places, first_surroundings
+from skyarm.simulate.flight_recorder import FlightRecorder
 from skyarm.simulate.inputs import FlightInputs
-from skyarm.simulate.loop_state import GivenRows, LoopState, Sample, carry_over, structure_of
-from skyarm.simulate.period import PlantSteps, Uniforms, make_fleet_period, make_period, measure
+from skyarm.simulate.loop_state import LoopState, Sample, carry_over, structure_of
+from skyarm.simulate.period import PlantSteps, make_fleet_period, make_period, measure
 from skyarm.simulate.plant_steps import (
     CalledPlant,
     EpisodeEndedError,
     LawCalls,
-    RigidBodySteps,
     StagesInPython,
-    Substeps,
     rigid_body_plant,
+)
+from skyarm.simulate.program import (
+    AS_IT_IS,
+    NO_INPUTS,
+    Cut,
+    LoopProgram,
+    PeriodRow,
+    ProgramKey,
+    TracedPeriod,
 )
 from skyarm.simulate.reference_clock import clocks_of_change
 from skyarm.simulate.stages import Stages
@@ -65,21 +71,13 @@ ALIVE, TICKS = 0, 1
 """Indices of ``LoopState.alive`` and ``LoopState.ticks`` among a loop state's leaves."""
 
 
-ProgramKey = tuple[tuple[tuple[str, object], ...], tuple[str, ...]]
-"""Key of a compiled program: replaced parts and paths of the numbers; equal for programs that differ only in their
-values."""
-
-EngineRow = tuple[GivenRows, Scalars, tuple[Command, ...]]
-"""Rows of inputs, and of each vehicle the mode and values of an external command; empty where none is possible."""
-
-
-class EpisodeCode:
+class EpisodeCode(LoopProgram):
     """Traced program of one control period of a scenario, compiled to machine code unless it runs in Python.
 
     Args:
         scenario: scenario that flies now; it fixes the integration steps.
         vary: the scenario from the numbers of ``numbers``, which the program reads in every period; None without any.
-        numbers: present values by path.
+        numbers: present values.
         machine_code: False evaluates the program in Python, whose numbers are constants.
         commands: a command from outside may take the law's place.
         effort: effort of the compiler; None chooses by the length of the episode.
@@ -94,21 +92,19 @@ class EpisodeCode:
         self,
         scenario: Scenario,
         vary: Callable[[Sequence[Scalar]], Scenario] | None = None,
-        numbers: Mapping[str, float] | None = None,
+        numbers: Sequence[float] = (),
         *,
         machine_code: bool = True,
         commands: bool = True,
         effort: int | None = None,
-        key: ProgramKey | None = None,
+        key: ProgramKey = AS_IT_IS,
         window: int | None = None,
     ) -> None:
         require_shapes(scenario)
-        self.window = window or scenario.steps
-        self.scenario, self.commands, self.key = scenario, commands, key
-        self._vary, self.numbers = vary or (lambda _: scenario), dict(numbers or {})
+        super().__init__(scenario, vary, tuple(numbers), key=key)
+        self.window, self.commands = window or scenario.steps, commands
         laws = [each.controller for each in scenario.agents.values()]
         self.calls: list[LawCalls] = [] if machine_code else [LawCalls(copy.deepcopy(each.memory)) for each in laws]
-        self.first = first_loop_state(scenario)
         self.carry = self.first
         if machine_code:
             for law in laws:
@@ -116,19 +112,15 @@ class EpisodeCode:
         else:
             pairs = zip(laws, self.first.agents, strict=True)
             self.carry = _with_memories(self.first, [_carried_memory(law, own.memory) for law, own in pairs])
-        self._example = structure_of(self.carry)
-        self.draws = draws_needed(scenario)
-        self._shared = machine_code and effort is None and not (commands or numbers)
-        self._plant: PlantSteps[State] | None = None
-        if scenario.kind == "rigid_body":
-            self.substeps = Substeps(rigid_body_plant(scenario, self.first))
-        else:
+        self._shared = machine_code and effort is None and not (commands or self.numbers)
+        self._called: CalledPlant | None = None
+        if scenario.kind != "rigid_body":
             around = first_surroundings(scenario, self.first)
-            self._plant = CalledPlant(make_plant(scenario, around), Stages(scenario), around)
+            self._called = CalledPlant(make_plant(scenario, around), Stages(scenario), around)
         self.kernel: Kernel | None = None
         if machine_code:
             # of a program with numbers the scenario that it is traced from is not the one that flies
-            name = "" if any(key or ()) else program_name(scenario, commands, effort)
+            name = "" if any(key) else program_name(scenario, commands, effort)
             program = load_program(name)
             if program is None:
                 program = self._write_program(name, effort)
@@ -138,7 +130,7 @@ class EpisodeCode:
             self.substeps.traced.update(program.substeps)
             self.kernel = Kernel(self.loop, Lanes(1), logging=True, written=program.assembly)
         else:
-            self.loop = self._trace(self._step)
+            self.loop = self._trace(self._whole)
         self.sample: Sample = self.loop.result[1]
 
     @cached_property
@@ -148,7 +140,7 @@ class EpisodeCode:
 
     def _write_program(self, name: str, effort: int | None) -> FlightProgram:
         """Trace a control period and write it in LLVM's language; store it under its name."""
-        loop = self._trace(self._step)
+        loop = self._trace(self._whole)
         written = Assembly.of(loop, Lanes(1), logging=True, effort=FULL if effort is None else effort)
         if effort is None and not written.pays(self.scenario.steps):
             written = replace(written, effort=0)
@@ -156,42 +148,39 @@ class EpisodeCode:
         store_program(name, program)
         return program
 
-    def _trace(self, step: Callable[..., tuple[Tree, Tree]]) -> Loop:
+    def _trace(self, cut: Cut) -> Loop:
         waiting = [own.queue[0] for own in self.first.agents] if self.commands else []
-        fed: EngineRow = (self.inputs.row_examples, (0.0,) * len(waiting), tuple(map(structure_of, waiting)))
-        return trace_loop(step, self._example, tuple(self.numbers.values()), fed, self.draws, loops=True)
+        row = PeriodRow(
+            given=self.inputs.row_examples, modes=(0.0,) * len(waiting), commands=tuple(map(structure_of, waiting))
+        )
+        return self.trace(cut, self.carry, row)
 
-    def _begin(self, numbers: Sequence[Scalar], fed: EngineRow) -> tuple[Stages, PlantSteps[State], GivenRows]:
-        """Make the computation stages, plant model and input records of one control period, for tracing."""
-        scenario, (rows, given, commands) = self._vary(numbers), fed
-        if self.calls:
-            examples = [own.queue[0] for own in self.first.agents]
-            stages: Stages = StagesInPython(scenario, self.calls, examples, commands, given)
-        else:
-            stages = Stages(scenario, commands, given)
-        plant = RigidBodySteps(stages, self.substeps) if self._plant is None else self._plant
-        return stages, plant, rows
+    def stages(self, numbers: Any, row: PeriodRow = NO_INPUTS) -> Stages:
+        """Computation stages of a control period; in Python a law that cannot be traced is called."""
+        if not self.calls:
+            return super().stages(numbers, row)
+        examples = [own.queue[0] for own in self.first.agents]
+        return StagesInPython(self.vary(numbers), self.calls, examples, row.commands, row.modes)
 
-    def _step(
-        self, now: LoopState, numbers: Sequence[Scalar], fed: EngineRow, uniforms: Uniforms
-    ) -> tuple[LoopState, Sample]:
-        stages, plant, rows = self._begin(numbers, fed)
-        fleet = make_fleet_period(stages, self.substeps) if self._shared else None
+    def plant_steps(self, stages: Stages) -> PlantSteps[State]:
+        """Plant model within a control period; one that cannot be traced is called."""
+        return super().plant_steps(stages) if self._called is None else self._called
+
+    def _whole(self, period: TracedPeriod, now: LoopState) -> tuple[LoopState, Sample]:
+        fleet = make_fleet_period(period.stages, self.substeps) if self._shared else None
         self._shared = fleet is not None
-        return (fleet or make_period(stages, plant))(now, rows, uniforms)
+        return (fleet or make_period(period.stages, period.plant))(now, period.row.given, period.uniforms)
 
-    def _measure(
-        self, now: LoopState, numbers: Sequence[Scalar], fed: EngineRow, uniforms: Uniforms
-    ) -> tuple[LoopState, tuple[Measurement, ...]]:
+    def _measurements(self, period: TracedPeriod, now: LoopState) -> tuple[LoopState, tuple[Measurement, ...]]:
         """Run a control period up to the measurements that the laws receive; return them with the same loop state."""
-        stages, plant, rows = self._begin(numbers, fed)
-        measured = measure(stages, plant, now, stages.lead(now, rows), uniforms)
+        rows = period.stages.lead(now, period.row.given)
+        measured = measure(period.stages, period.plant, now, rows, period.uniforms)
         return now, tuple(half.read.measurement for half in measured.agents)
 
     @cached_property
     def measurement(self) -> Loop:
         """Traced program that computes the measurements of the control laws in a control period."""
-        return self._trace(self._measure)
+        return self._trace(self._measurements)
 
     def fits(self, key: ProgramKey, scenario: Scenario, changed: Sequence[str] | None = None) -> bool:
         """True if the compiled program can also fly another scenario, with other parameter values as its inputs.
@@ -205,7 +194,7 @@ class EpisodeCode:
             return False
         if changed is not None and not any(word_of(path).startswith(("plant.", *STATED)) for path in changed):
             return True
-        return self.substeps.fit(rigid_body_plant(scenario, self.first))
+        return self.serves(key, rigid_body_plant(scenario, self.first))
 
 
 def keep_apart() -> None:
@@ -281,13 +270,14 @@ class Engine:
         self.scenario = scenario or code.scenario
         self.code, self.first, self._steps = code, code.first, self.scenario.steps
         self._inputs = code.inputs
-        parameters = doubles([*(code.numbers if numbers is None else numbers).values()])
+        parameters = doubles(code.numbers if numbers is None else [*numbers.values()])
         self._stepper = self._make_stepper(code.loop, np.array(leaves(code.carry), dtype=float), parameters)
         self._before = self._stepper.carry.copy()
-        self._first = 0  # period of the tables' first row
+        self._first = 0  # period of the inputs' first row
         self._rows = self._input_rows()
         self._width = self._rows.shape[1] - self._command_inputs  # of a row but for the commands
-        self._write_to(np.empty((len(self._rows), code.loop.logged)))  # takes memory as it is written
+        self.recorder = FlightRecorder(code.sample, len(self._rows))
+        self._stepper.read_tables(self._rows, self.recorder.table)
         self.tick = self.begun = 0
         self.ended: Ended | None = None
         self._stretch, self.commanded, self.from_outside = 1, False, math.inf
@@ -329,7 +319,8 @@ class Engine:
         self._first = self.tick
         self._inputs = FlightInputs(self.scenario, self._first, self.code.window, self.inputs)
         self._rows = self._input_rows()
-        self._write_to(self._log)
+        self.recorder.first = self._first
+        self._stepper.read_tables(self._rows, self.recorder.table)
 
     def step(self, commands: Sequence[Sequence[float]] = (), *, rotors_only: bool = False) -> bool:
         """Fly one control period; False once the episode has ended or reached its duration.
@@ -369,11 +360,6 @@ class Engine:
         self._stretch = max(1, int(size * min(8.0, PIECE / seconds)))
         return going
 
-    def _write_to(self, log: Array) -> None:
-        """Replace the table that logged samples are written to."""
-        self._log = log
-        self._stepper.read_tables(self._rows, log)
-
     def _fly(self, stop: int) -> bool:
         """Simulate up to control period ``stop``; False once the flight is over."""
         carry, first = self._stepper.carry, self._first
@@ -407,7 +393,7 @@ class Engine:
         named, command = getattr(self._stepper, "command", ("", ()))
         commands = {named: command}
         if not command:
-            sample = rebuild(self.code.sample, iter(self.row(self.tick).tolist()))
+            sample = rebuild(self.code.sample, iter(self.recorder.row(self.tick).tolist()))
             commands = {name: leaves(own.command) for name, own in zip(scenario.agents, sample.agents, strict=True)}
         for name, command in commands.items():
             ending = ending_of_command(scenario.of(name), time, command)
@@ -423,66 +409,7 @@ class Engine:
     @property
     def piece(self) -> Piece:
         """Logged samples of all control periods since the last change of the scenario."""
-        return Piece(self.scenario, self.inputs, self.begun, self.samples(self.begun, self.tick))
-
-    def samples(self, start: int, stop: int, *, kept: bool = False) -> tuple[LoggedSamples, ...]:
-        """Logged samples of each vehicle in control periods ``start`` to ``stop``, as views of the log if not kept."""
-        rows, samples = self._log[start - self._first : stop - self._first], list[LoggedSamples]()
-        rows = rows.copy() if kept else rows
-        columns = rebuild(self.code.sample, iter(rows.T))
-        for own, (first, command, measured, found, led, end) in zip(columns.agents, self._marks, strict=True):
-            samples.append(
-                LoggedSamples(
-                    states=rows[:, first:command],
-                    commands=rows[:, command:measured],
-                    measurement=own.measurement,
-                    readings=own.readings,
-                    wind=own.wind,
-                    found=rows[:, found:led],
-                    led=rows[:, led:end],
-                )
-            )
-        return tuple(samples)
-
-    @cached_property
-    def reading_columns(self) -> dict[str, slice]:
-        """Columns of each sensor's reading of the only vehicle in a row of the log, by the sensor's name."""
-        sample, places = self.code.sample.agent, dict[str, slice]()
-        begin = self._marks[0][2] + len(leaves(sample.measurement))
-        for name, reading in sample.readings:
-            places[name] = slice(begin, begin := begin + len(leaves(reading)))
-        return places
-
-    @cached_property
-    def joint_columns(self) -> slice:
-        """Columns of the measured joint positions and rates of the only vehicle in a row of the log."""
-        measured = self.code.sample.agent.measurement
-        before = (measured.time, measured.position, measured.quaternion, measured.velocity, measured.rate,
-                  measured.specific_force)  # fmt: skip
-        begin = self._marks[0][2] + len(leaves(before))
-        return slice(begin, begin + len(measured.joints) + len(measured.joint_rates))
-
-    def row(self, tick: int) -> Array:
-        """Logged row of a control period that has been flown: alive, state, command, measurement, readings."""
-        row: Array = self._log[tick - self._first]
-        return row
-
-    def states_and_commands(self, start: int, stop: int) -> list[tuple[Array, Array]]:
-        """Logged states and commands of each vehicle, of periods ``start`` to ``stop`` as views."""
-        rows = self._log[start:stop]
-        return [(rows[:, first:command], rows[:, command:measured]) for first, command, measured, *_ in self._marks]
-
-    @cached_property
-    def _marks(self) -> list[list[int]]:
-        """Columns of a logged sample at which each vehicle's state, command, measurement and later parts begin."""
-        sample, marks = self.code.sample, list[list[int]]()
-        begin = len(leaves(sample.alive))
-        for own in sample.agents:
-            later = (own.measurement, own.readings, own.wind)
-            sizes = [len(leaves(part)) for part in (own.state, own.command, later, own.found, own.led)]
-            marks.append([begin, *(begin + int(end) for end in np.cumsum(sizes))])
-            begin = marks[-1][-1]
-        return marks
+        return Piece(self.scenario, self.inputs, self.begun, self.recorder.samples(self.begun, self.tick))
 
     @property
     def now(self) -> LoopState:
@@ -509,15 +436,15 @@ class Engine:
         Plants that cannot be traced are replaced by the rigid body. The floats are NumPy's, which divide by 0.
         """
         scenario, ticks = self.scenario, np.array([int(float(now.ticks))])
-        stages = Stages(scenario)
-        plant = RigidBodySteps(stages, Substeps(rigid_body_plant(scenario, self.first)))
+        program = LoopProgram(scenario)
+        stages = program.stages(())
         rows = self.inputs.rows_at(ticks[0], now)
         if all(law.compiled for law in self._laws):  # the memory of another law may hold anything
             now = rebuild(now, iter(np.array(leaves(now), dtype=float)))
             rows = rebuild(rows, iter(np.array(leaves(rows), dtype=float)))
-        draws = [uniforms(scenario.seed, scenario.episode, each, ticks, count)[0] for each, count in self.code.draws]
+        draws = [uniforms(scenario.seed, scenario.episode, each, ticks, count)[0] for each, count in program.draws]
         with np.errstate(all="ignore"):
-            return make_period(stages, plant)(now, rows, tuple(np.concatenate([[], *draws])))[0]
+            return make_period(stages, program.plant_steps(stages))(now, rows, tuple(np.concatenate([[], *draws])))[0]
 
     def state(self) -> State:
         """Current true state of the only vehicle."""
@@ -546,16 +473,17 @@ class Engine:
         """Copy of the simulator's state, from which :meth:`restore` continues."""
         stepper = self._stepper
         memories = copy.deepcopy([each.memory for each in self.code.calls])
-        numbers = stepper.carry.copy(), stepper.parameters.copy(), self._log, memories, self.from_outside
+        numbers = stepper.carry.copy(), stepper.parameters.copy(), self.recorder.table, memories, self.from_outside
         return self.scenario, self._inputs, self._rows, self.begun, self.tick, self.ended, numbers
 
     def restore(self, state: EngineState) -> None:
         """Return to the simulator state of a snapshot."""
         self.scenario, self._inputs, self._rows, self.begun, self.tick, self.ended, numbers = state
-        self._stepper.carry[:], self._stepper.parameters[:], log, memories, self.from_outside = numbers
-        own = np.empty_like(log)
-        own[: self.tick] = log[: self.tick]
-        self._write_to(own)
+        self._stepper.carry[:], self._stepper.parameters[:], table, memories, self.from_outside = numbers
+        # of the snapshot's table the flight may have overwritten what follows: it goes on in one of its own
+        self.recorder.table = np.empty_like(table)
+        self.recorder.table[: self.tick] = table[: self.tick]
+        self._stepper.read_tables(self._rows, self.recorder.table)
         for calls, memory in zip(self.code.calls, copy.deepcopy(memories), strict=True):
             calls.memory = memory
 
@@ -574,7 +502,7 @@ class Engine:
         self._stepper.parameters[:] = [*numbers.values()]
         if any(word_of(path).startswith("reference.") for path in changed):
             self._rows = self._input_rows()
-            self._stepper.read_tables(self._rows, self._log)
+            self._stepper.read_tables(self._rows, self.recorder.table)
         return True
 
     def take_over(self, other: Engine, *, anew: Collection[str]) -> None:

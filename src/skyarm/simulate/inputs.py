@@ -9,6 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from skyarm.algebra import Scalar
+from skyarm.algebra.scalars import floor
 from skyarm.compile import Program, trace
 from skyarm.compile.tracing.array_evaluation import evaluate
 from skyarm.control.controller import preview_leads
@@ -221,6 +222,23 @@ def _motion(scenario: Scenario) -> Program:
 def _sample(program: Program, times: Array, *others: Scalar) -> Reference:
     """Evaluate a traced reference program at an array of times (s), given the program's further inputs, if any."""
     reference: Reference = program.record(list(evaluate(program, [times, *others], len(times))))
+    return reference
+
+
+def held_row(scenario: Scenario, ticks: Scalar) -> InputRow[Reference]:
+    """Time and held reference after a number of control periods, for a reference whose task phases do not wait."""
+    time = ticks / float(scenario.rates.control)
+    return InputRow(time=time, reference=held_reference(scenario, ticks).dense())
+
+
+def held_reference(scenario: Scenario, ticks: Scalar) -> Reference:
+    """Reference sample that a flight holds in control period number ``ticks``."""
+    rate, ratio = float(scenario.rates.control), float(scenario.rates.control // scenario.rates.reference)
+    time = floor((ticks + 0.5) / ratio) * ratio / rate
+    leads, motion = preview_leads(scenario.agent.controller.par), scenario.agent.law_reference
+    reference = with_preview(motion.at(time), leads, lambda lead: motion.at(time + lead))
+    if reference.load:  # the hand's command is that of each control period
+        reference = replace(reference, load=scenario.agent.reference.at(ticks / rate).load)
     return reference
 
 

@@ -45,16 +45,20 @@ def rigid_body_plant(scenario: Scenario, first: LoopState | None = None) -> Rigi
 class Substeps:
     """Number of integration steps in an interval (s).
 
+    Args:
+        plant: plant that is integrated.
+        at_rest: those that joint stops need at rest; else what more a motion needs is a loop, which JAX has not.
+
     Attributes:
         traced: intervals that are compiled into a program, with their numbers.
     """
 
-    def __init__(self, plant: RigidBodyPlant) -> None:
-        self._plant, self.traced = plant, dict[float, Steps]()
+    def __init__(self, plant: RigidBodyPlant, *, at_rest: bool = False) -> None:
+        self._count, self.traced = plant.steps_at_rest if at_rest else plant.substeps, dict[float, Steps]()
 
     def __call__(self, seconds: float) -> Steps:
         """Return the number of integration steps in an interval of ``seconds``, and record both."""
-        self.traced[seconds] = self._plant.substeps(seconds)
+        self.traced[seconds] = self._count(seconds)
         return self.traced[seconds]
 
     def fit(self, plant: RigidBodyPlant) -> bool:

@@ -7,109 +7,27 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
-from skyarm.algebra import Scalar
-from skyarm.compile.machine_code import NoMachineCodeError
-from skyarm.dynamics import State
 from skyarm.dynamics.actuators import Command
 from skyarm.log.flight_log import Log
-from skyarm.log.team_log import WITHIN
-from skyarm.plant.loads import wind_at
-from skyarm.records.arrays import Array
 from skyarm.records.files import errors_as, shown
 from skyarm.records.immutable import positional
 from skyarm.records.leaves import mismatch
 from skyarm.records.path_names import word_of
 from skyarm.records.registry.registrations import function_of_option
-from skyarm.reference import Reference
-from skyarm.scenario.in_flight import NONE, Overrides, require_changes, try_changes, try_coming
-from skyarm.scenario.numbers import with_numbers
+from skyarm.scenario.in_flight import require_changes
 from skyarm.scenario.scenario_checks import require_flight
-from skyarm.scenario.scenario_record import Change, Scenario, ScenarioError, in_order
-from skyarm.sensing.measurement import Measurement
-from skyarm.simulate.assemble_log import Piece, StoredPiece, join_pieces, state_arrays
-from skyarm.simulate.check_endings import Ended, running_status
-from skyarm.simulate.command_delay import CommandRange, numbers_of_command, rotor_numbers
-from skyarm.simulate.engine import Engine, EngineState, EpisodeCode, ProgramKey
+from skyarm.scenario.scenario_record import Scenario, ScenarioError
+from skyarm.simulate.assemble_log import join_pieces
+from skyarm.simulate.check_endings import running_status
+from skyarm.simulate.command_delay import numbers_of_command, rotor_numbers
+from skyarm.simulate.course import Course
+from skyarm.simulate.engine import Engine, EngineState
 from skyarm.simulate.first_not_finite import first_line
+from skyarm.simulate.flight_instant import FlightInstant
+from skyarm.simulate.flight_programs import FlightPrograms
 from skyarm.simulate.lane_numbers import require_paths
-from skyarm.simulate.loop_state import LoopState
 from skyarm.simulate.reference_clock import other_references
-from skyarm.simulate.stages import Stages
 from skyarm.simulate.user_code import has_own
-from skyarm.world import WindSample
-
-
-@positional
-class Course:
-    """Scenario in force during a flight, with the changes already made and those still scheduled.
-
-    Attributes:
-        begun: scenario with which the flight began.
-        now: scenario in force, with the changes to come.
-        made: changes that have taken hold, in order. coming: changes that have not.
-        overrides: replacements by the changes made, in ``begun``.
-        flown: pieces flown before the last change made.
-    """
-
-    begun: Scenario
-    now: Scenario
-    made: tuple[Change, ...] = ()
-    coming: tuple[Change, ...] = ()
-    overrides: Overrides = NONE
-    flown: tuple[Piece | StoredPiece, ...] = ()
-
-    @staticmethod
-    def of(scenario: Scenario) -> Course:
-        """Scenario schedule of a flight before its first control period: all scheduled changes are still to come."""
-        return Course(scenario, scenario, coming=in_order(scenario.changes, scenario.rates.control))
-
-    @property
-    def command_ranges(self) -> dict[str, CommandRange]:
-        """Numbers that each vehicle takes in a command, by its name."""
-        return {name: CommandRange.of(each) for name, each in self.now.vehicles.items()}
-
-    @property
-    def plan(self) -> Scenario:
-        """Scenario that reproduces the flight: the initial one with all changes made and still scheduled."""
-        changes = (*self.made, *self.coming)
-        if changes == in_order(self.begun.changes, self.begun.rates.control):
-            return self.begun
-        return replace(self.begun, changes=changes)
-
-    def due(self, tick: int) -> bool:
-        """True if a scheduled change takes effect in control period ``tick`` or earlier."""
-        return bool(self.coming) and self.coming[0].tick(self.begun.rates.control) <= tick
-
-    def with_due_changes(self, tick: int, piece: Piece) -> Course:
-        """Scenario schedule after applying the changes that are due up to control period ``tick``."""
-        rate, overrides = self.begun.rates.control, self.overrides
-        due = [change for change in self.coming if change.tick(rate) <= tick]
-        for change in due:
-            overrides = overrides.with_change(change)
-        now = overrides.of(self.begun)
-        return self._after(due, self.coming[len(due) :], overrides, now, piece)
-
-    def with_values(self, tick: int, values: Mapping[str, Any], piece: Piece) -> Course:
-        """Scenario schedule after changes by the user at the start of control period ``tick``.
-
-        Raises:
-            ScenarioError: one line: a path, or a value, that cannot be, or with which a change to come cannot be.
-        """
-        if not isinstance(values, Mapping):
-            raise ScenarioError(f"values = {shown(values)}: must be a table of paths and values")
-        at = tick / self.begun.rates.control
-        made = [Change(at=at, path=path, value=value) for path, value in values.items()]
-        overrides, now = try_changes(self.begun, self.now, self.overrides, [("", change) for change in made])
-        try_coming(self.begun, now, overrides, self.coming)
-        return self._after(made, self.coming, overrides, now, piece)
-
-    def _after(
-        self, made: Sequence[Change], coming: tuple[Change, ...], overrides: Overrides, now: Scenario, piece: Piece
-    ) -> Course:
-        if coming:
-            now = replace(now, changes=coming)
-        flown = (*self.flown, piece) if len(piece.flown[0].states) else self.flown
-        return Course(self.begun, now, (*self.made, *made), coming, overrides, flown)
 
 
 @positional
@@ -132,7 +50,7 @@ class Snapshot:
 _NUMBERS = itertools.count()
 
 
-class Session:
+class Session(FlightInstant):
     """Interactive simulation of one flight, period by period.
 
     On the rigid-body plant a law that can be traced flies in machine code, compiled when the session is made; any other
@@ -149,9 +67,6 @@ class Session:
 
     Raises:
         ScenarioError: not a scenario, or one with changes that cannot be made.
-
-    Attributes:
-        slow: reason for flying in Python where machine code was requested; else empty.
     """
 
     returns = True
@@ -172,12 +87,11 @@ class Session:
 
     def __init__(self, scenario: Scenario, paths: Sequence[str] = (), *, machine_code: bool = True) -> None:
         require_changes(scenario)
-        self._paths = require_paths(scenario, paths)
+        paths = require_paths(scenario, paths)
         self._course = Course.of(scenario)
         self._taken = self._course.command_ranges
-        self._compiles, self.slow = machine_code, ""
-        self._codes = list[EpisodeCode]()
-        self._engine = self._make_engine(self._course)
+        self._programs = FlightPrograms(paths, machine_code=machine_code, commands=self._commands, window=self._window)
+        self._engine = self._programs.engine(self._course)
         self._number = next(_NUMBERS)
         self._apply_due_changes()
 
@@ -187,65 +101,17 @@ class Session:
         return self._course.now
 
     @property
+    def slow(self) -> str:
+        """Reason for flying in Python where machine code was requested; else empty."""
+        return self._programs.slow
+
+    @property
     def plan(self) -> Scenario:
         """Scenario whose :func:`skyarm.run` reproduces this session to the bit: the initial one with all changes.
 
         Commands from outside are no part of a scenario.
         """
         return self._course.plan
-
-    @property
-    def tick(self) -> int:
-        """Number of control periods flown so far."""
-        return self._engine.tick
-
-    @property
-    def time(self) -> float:
-        """Time at the start of the next period, s."""
-        return self.tick / self._course.now.rates.control
-
-    @property
-    def ended(self) -> Ended | None:
-        """Status, cause and time of an early end of the flight, or None."""
-        return self._engine.ended
-
-    @property
-    def running(self) -> bool:
-        """True if another period can be flown."""
-        return self.ended is None and self.tick < self._course.now.steps
-
-    @property
-    def state(self) -> State:
-        """True current state of the plant, without sensor errors."""
-        self._require_one("state")
-        return self._engine.state()
-
-    @property
-    def now(self) -> LoopState:
-        """Closed-loop state before the next period, or at the end: plant, commands and readings, internal states."""
-        return self._engine.now
-
-    @property
-    def measurement(self) -> Measurement:
-        """Measurement that the control law receives in the next period."""
-        self._require_one("measurement")
-        self._require_running()
-        (only,) = self._engine.measurements()
-        return only
-
-    @property
-    def wind(self) -> WindSample:
-        """Air velocity (m/s) and wind force (N) on the base at the start of the next control period, world axes."""
-        self._require_one("wind")
-        (only,) = Stages(self.scenario).around(self.now, self.time)
-        return wind_at(*only)
-
-    @property
-    def reference(self) -> Reference:
-        """Reference sample that is held in the next control period."""
-        self._require_one("reference")
-        self._require_running()
-        return self._engine.reference()
 
     def step(
         self,
@@ -318,7 +184,7 @@ class Session:
             return False
         # a law that is called may act on things outside: it is not called again
         if self.scenario.is_compiled and ended.cause.endswith("is not finite"):
-            again = type(self)(self.plan, machine_code=self._compiles)
+            again = type(self)(self.plan, machine_code=self._programs.machine_code)
             before, again.returns = again._engine, False
             now = before.now
             # a number may be on its way for some periods, as in a sensor's delay
@@ -334,32 +200,13 @@ class Session:
         engine = self._engine
         piece = engine.piece
         if self.running:  # it goes on to write where it has logged
-            piece = replace(piece, flown=engine.samples(engine.begun, engine.tick, kept=True))
+            piece = replace(piece, flown=engine.recorder.samples(engine.begun, engine.tick, kept=True))
         pieces = (*self._course.flown, piece)
         log = join_pieces(self.plan, pieces, engine.ended or running_status(self._course.now, engine.tick))
         if engine.from_outside < engine.tick:
             for each in (log, *getattr(log, "agents", {}).values()):
                 each.info["commanded"] = True
         return log
-
-    @property
-    def latest(self) -> Piece:
-        """Logged samples of the control period that was flown last; none right after a change of the scenario."""
-        engine = self._engine
-        start = max(engine.tick - 1, engine.begun)
-        return Piece(engine.scenario, engine.inputs, start, engine.samples(start, engine.tick))
-
-    @property
-    def latest_arrays(self) -> dict[str, Array]:
-        """Time, state and commands of the last control period by their names in a log; faster than :attr:`latest`."""
-        engine, arrays = self._engine, dict[str, Array]()
-        start = max(engine.tick - 1, engine.begun)
-        times, agents = engine.inputs.times[start : engine.tick], engine.scenario.agents
-        rows = zip(agents.items(), engine.states_and_commands(start, engine.tick), strict=True)
-        for (name, agent), (states, commands) in rows:
-            own = state_arrays(agent.vehicle, times, states, commands)
-            arrays |= own if len(agents) == 1 else {f"{name}{WITHIN}{array}": each for array, each in own.items()}
-        return {**arrays, "time": times}
 
     def snapshot(self) -> Snapshot:
         """Copy of the session's current state, from which :meth:`restore` continues."""
@@ -397,48 +244,10 @@ class Session:
     def close(self) -> None:
         """Shut down programs that belong to the session, such as an autopilot; a control law's session has none."""
 
-    def _make_engine(self, course: Course) -> Engine:
-        """Make the simulator of the scenario in force: machine code if available, else Python."""
-        scenario = course.now
-        if self._compiles and scenario.kind == "rigid_body" and scenario.is_compiled:
-            try:
-                return self._compile(course, scenario)
-            except NoMachineCodeError as error:
-                self.slow = str(error)
-        return Engine(EpisodeCode(scenario, machine_code=False, commands=self._commands, window=self._window))
-
-    def _compile(self, course: Course, scenario: Scenario) -> Engine:
-        """Make the simulator in machine code; reuses an earlier program that fits the scenario."""
-        read, key = self._read(course), self._key(course)
-        numbers, shape = dict(read.numbers), read.parts_of(course.begun)
-        code = next((code for code in self._codes if code.fits(key, scenario)), None)
-        if code is None:
-            # code that flies on after a change is made in a hurry: the vehicle is in the air
-            quick = course.overrides is not NONE or course.coming or self._paths
-            effort = 0 if quick else 2 if self._commands else None
-
-            def vary(values: Sequence[Scalar]) -> Scenario:
-                return with_numbers(shape, dict(zip(numbers, values, strict=True)))
-
-            code = EpisodeCode(
-                scenario, vary, numbers, commands=self._commands, effort=effort, key=key, window=self._window
-            )
-            self._codes.append(code)
-        return Engine(code, scenario, numbers)
-
     def _apply_due_changes(self) -> None:
         """Apply the changes that are scheduled for the next control period."""
         if self._course.due(self.tick):
             self._continue_with(self._course.with_due_changes(self.tick, self._engine.piece))
-
-    def _read(self, course: Course) -> Overrides:
-        """Parameter values that are inputs of the machine code, so that they can change without recompilation."""
-        return course.overrides.data(course.begun, self._paths)
-
-    def _key(self, course: Course) -> ProgramKey:
-        """Identifier of a compiled program; equal for scenarios that differ in parameter values only."""
-        read = self._read(course)
-        return read.parts, tuple(path for path, _ in read.numbers)
 
     def _continue_with(self, course: Course) -> None:
         """Continue the flight under a changed scenario, in a new simulator if the compiled program does not fit."""
@@ -446,9 +255,9 @@ class Session:
         changed = [path for path in {**new, **old} if new.get(path) != old.get(path)]
         # noise that is turned up from none draws other numbers
         steady = not any(word_of(path).startswith("sensors.") for path in changed)
-        numbers = dict(self._read(course).numbers)
-        if not (steady and self._engine.give(course.now, numbers, changed, self._key(course))):
-            engine = self._make_engine(course)
+        numbers = dict(self._programs.read(course).numbers)
+        if not (steady and self._engine.give(course.now, numbers, changed, self._programs.key(course))):
+            engine = self._programs.engine(course)
             before, after = ([own.sensors for own in each.first.agents] for each in (self._engine, engine))
             different = mismatch(tuple(before), tuple(after), "sensors")
             if different:
@@ -458,15 +267,6 @@ class Session:
             self._engine = engine
         self._course = course
         self._taken = course.command_ranges
-
-    def _require_one(self, word: str) -> None:
-        """Raise an error about what is of one vehicle if the session flies several."""
-        if len(self._taken) > 1:
-            raise ScenarioError(f"session.{word}: is of one agent; session.now.agents is of {', '.join(self._taken)}")
-
-    def _require_running(self) -> None:
-        if not self.running:
-            raise ScenarioError("session: has ended; there is no next period")
 
 
 def open_session(

@@ -325,7 +325,8 @@ def test_measured_joints_are_where_the_engine_says(tmp_path: Path) -> None:
     session.step()
     engine = session._engine
     np.testing.assert_array_equal(
-        engine.row(1)[engine.joint_columns], [float(each) for each in (*measured.joints, *measured.joint_rates)]
+        engine.recorder.row(1)[engine.recorder.joint_columns],
+        [float(each) for each in (*measured.joints, *measured.joint_rates)],
     )
 
 

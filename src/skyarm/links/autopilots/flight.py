@@ -37,8 +37,9 @@ from skyarm.scenario.scenario_checks import check_scenario
 from skyarm.scenario.scenario_record import Environment, NamedSensor, Rates, Scenario, ScenarioError, first_state
 from skyarm.sensing.sensor_kinds import mount_rotation
 from skyarm.simulate.check_endings import Ended
+from skyarm.simulate.course import Course
 from skyarm.simulate.inputs import EpisodeInputs
-from skyarm.simulate.session import Course, Session, Snapshot
+from skyarm.simulate.session import Session, Snapshot
 from skyarm.world.launch_stand import LaunchStand
 
 ENDED = "autopilot"
@@ -298,7 +299,7 @@ class PilotedSession(Session):
     def _begin_flight(self) -> None:
         """Prepare the columns of sensor readings, the set points and the rotor signals when the flight begins."""
         engine = self._engine
-        self._columns, self._source = engine.reading_columns, engine
+        self._columns, self._source = engine.recorder.reading_columns, engine
         # drivers turn what they read into base axes; the place is a parameter of the autopilot
         self._axes = mount_rotation(inertial_unit(self.scenario).turned_by)
         self._every = self.scenario.rates.control // self.scenario.rates.reference
@@ -370,10 +371,10 @@ class PilotedSession(Session):
             return False
         engine, tick = self._engine, self.tick
         if engine is not self._source:
-            self._columns, self._source = engine.reading_columns, engine
-        row = engine.row(tick - 1).tolist()
+            self._columns, self._source = engine.recorder.reading_columns, engine
+        row = engine.recorder.row(tick - 1).tolist()
         if self._joint_server is not None:
-            self._arm = row[engine.joint_columns]
+            self._arm = row[engine.recorder.joint_columns]
         if tick % self._every == 0:
             self._goal = self._next_goal()
         self._seconds = self._prepared + (tick - 1) * self._period

@@ -25,7 +25,6 @@ from skyarm.algebra.scalars import data
 from skyarm.compile.llvm.kernel import Kernel, host_width
 from skyarm.compile.llvm.llvm_text import Lanes
 from skyarm.compile.tracing.lower import repeat
-from skyarm.compile.tracing.program import trace_loop
 from skyarm.control.law_checks import checked_law
 from skyarm.dynamics import State
 from skyarm.dynamics.actuators import Command
@@ -39,11 +38,9 @@ from skyarm.scenario.numbers import number_at, with_numbers
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.sensing.measurement import Measurement, measure, measurement_of, noise_count
 from skyarm.simulate.command_delay import mean_efforts
-from skyarm.simulate.first_state import first_loop_state
 from skyarm.simulate.inputs import episode_inputs
-from skyarm.simulate.loop_state import InputRow, LoopState, structure_of
-from skyarm.simulate.plant_steps import rigid_body_plant
-from skyarm.simulate.stages import Stages
+from skyarm.simulate.loop_state import InputRow, LoopState
+from skyarm.simulate.program import LoopProgram, PeriodRow, TracedPeriod
 from skyarm.studies.stability.closed_loop import OpenLoop
 from skyarm.studies.stability.frozen_scenario import SHARES, nominal, require_no_memory, with_held_lag, with_lag
 from skyarm.studies.stability.loop_channels import LoopChannel, vehicle_channels
@@ -169,35 +166,31 @@ class Differentiator:
         self.scenario, self._paths = nominal(scenario), tuple(paths)
         self._numbers = tuple(number_at(self.scenario, path) for path in self._paths)
         inputs = episode_inputs(self.scenario)
-        first = first_loop_state(self.scenario)
+        self._program = LoopProgram(self.scenario, self._scenario_of, ((0.0, 0.0), self._numbers))
+        first = self._first = self._program.first
         require_no_memory(self.scenario, first)
-        self._first = first
-        plant = rigid_body_plant(self.scenario, first)
-        self._period, self._substeps = scenario.rates.period, plant.substeps
+        self._period, self._substeps = scenario.rates.period, self._program.plant.substeps
         ratio = scenario.rates.physics // scenario.rates.control
         self.lates = np.arange(ratio) / scenario.rates.physics
         self._point = open_point(first, len(scenario.agent.power))
         row = inputs.row_at(0, first.agent, first.ticks)
-
-        def step(
-            point: OpenPoint, given: Given, fed: InputRow[Reference], _uniforms: Sequence[Scalar]
-        ) -> tuple[OpenPoint, Scalars]:
-            return point, self._outputs(point, given, fed)
-
-        given = ((0.0, 0.0), self._numbers)
-        loop = trace_loop(step, structure_of(self._point), given, row, loops=True)
+        loop = self._program.trace(self._open_period, self._point, PeriodRow(given=(row,)))
         # few periods are stepped: what compiles five times as fast is quicker in all
         self._kernel = Kernel(loop, Lanes(host_width(), contract=False), logging=True, effort=0)
         self._row = len(leaves(row))
 
-    def _outputs(self, point: OpenPoint, given: Given, row: InputRow[Reference]) -> Scalars:
-        """Next state, measurement, controller state and command, for given arrival times, rotor lag and parameters."""
-        (late, lag), numbers = given
+    def _scenario_of(self, given: Given) -> Scenario:
+        """Scenario of an open-loop period, for a given rotor lag and parameters."""
+        (_, lag), numbers = given
         own = self.scenario
         if self._paths:
             own = with_numbers(own, dict(zip(self._paths, numbers, strict=True)))
-        scenario = with_held_lag(with_lag(own, lag))
-        stages = Stages(scenario)
+        return with_held_lag(with_lag(own, lag))
+
+    def _open_period(self, period: TracedPeriod, point: OpenPoint) -> tuple[OpenPoint, Scalars]:
+        """Next state, measurement, controller state and command, with the loop open between them."""
+        stages, scenario, (late, _) = period.stages, period.stages.scenario, period.numbers[0]
+        row = cast("InputRow[Reference]", period.row.given[0])
         power = tuple(
             each.supply(charge, self._period, point.state, point.old.rotor_speeds)
             for each, charge in zip(scenario.agent.power, point.power, strict=True)
@@ -223,7 +216,7 @@ class Differentiator:
         air = air.with_drives([drives])
         after = self._advance(scenario, point.state, point.old, air, late)
         after = self._advance(scenario, after, point.new, air, self._period - late)
-        return tuple(map(data, leaves((after, drives, now, memory, command))))
+        return point, tuple(map(data, leaves((after, drives, now, memory, command))))
 
     def _advance(self, scenario: Scenario, state: State, command: Command, air: Together, seconds: Any) -> State:
         # as many steps as a whole period has: a part of it is integrated at least as well
