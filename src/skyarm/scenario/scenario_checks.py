@@ -294,7 +294,7 @@ def drives_fit(scenario: Scenario) -> None:
     """Check that drives belong to joints with torque, and that drives and environment models are stable."""
     period, vehicle = scenario.rates.period, scenario.agent.vehicle
     joints, own = vehicle.joint_names, [each.joint for each in scenario.agent.drives]
-    added: list[tuple[str, Component[Tree] | Drive]] = [*scenario.placed_winds_and_forces]
+    added: list[tuple[str, Component[Tree] | Drive]] = [*scenario.environment.placed]
     for fitted in scenario.agent.joint_drives:
         where = f"plant.{'' if fitted.joint in own else 'vehicle.'}drives.{fitted.joint}"
         added.append((where, fitted.drive))
@@ -379,7 +379,7 @@ def surroundings_fit(scenario: Scenario) -> None:
     for i, fault in enumerate(scenario.agent.faults):
         with errors_as(ValueError, f"environment.faults[{i}]."):
             fault.check(vehicle)
-    for where, component in scenario.placed_own:
+    for where, component in scenario.agent.placed_in(scenario.environment):
         with _at_its_place(where):
             component.require_vehicle(vehicle, period, scenario.agent.plant.gravity)
 
@@ -394,7 +394,7 @@ def shared_surroundings_fit(scenario: Scenario) -> None:
             words = f"must be {gravities[first]!r} as of {first}; there is one world"
             raise ValueError(f"agents.{name}.plant.gravity = {gravity!r}: {words}")
     agents = ("", *scenario.agents, *scenario.others)
-    for where, force in scenario.placed_winds_and_forces:
+    for where, force in scenario.environment.placed:
         agent = getattr(force, "agent", "")  # a part of a user may have one of its own
         if type(agent) is str and agent not in agents:
             raise ValueError(f"{where}.agent = {shown(agent)}: {must_be_one_of(agents[1:], agent)}")
