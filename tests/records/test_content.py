@@ -10,7 +10,7 @@ import pytest
 
 import skyarm
 from skyarm.algebra import Vec3
-from skyarm.records.content import content, kept
+from skyarm.records.content import content, keep_results
 from skyarm.records.members import Members
 from skyarm.scenario.scenario_checks import begin
 from skyarm.scenario.scenario_record import first_state
@@ -46,7 +46,7 @@ def test_arrays_and_objects_have_none(value):
 def test_a_result_is_kept_for_the_content_of_its_arguments():
     calls = Counter()
 
-    @kept(2)
+    @keep_results(2)
     def length(vector: Vec3) -> object:
         calls[vector.x] += 1
         if vector.x == 0.0:

@@ -22,7 +22,7 @@ from skyarm.algebra.scalars import mul
 from skyarm.control.controller import Controller, ControllerError, LawOptions
 from skyarm.control.law_checks import call_maker
 from skyarm.control.model import GeometricGains, JointGains, Model
-from skyarm.records.content import kept
+from skyarm.records.content import keep_results
 from skyarm.records.files import did_you_mean, must_be_one_of, nearest, shown
 from skyarm.records.immutable import positional
 from skyarm.records.leaves import leaves, part, rebuild, replace_at
@@ -118,7 +118,7 @@ def make_controller(name: str, model: Model, **options: Any) -> Controller:
     return replace(made, name=name) if made.name in LAWS else made
 
 
-_make_shipped = kept(64)(call_maker)
+_make_shipped = keep_results(64)(call_maker)
 """Function as ``call_maker`` for makers of the library, which are pure: the members of a team share a law, and so do
 scenarios that are read again. A user's maker may look at whatever it likes."""
 

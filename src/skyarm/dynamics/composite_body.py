@@ -11,7 +11,7 @@ from skyarm.algebra import Mat3, Scalar, Scalars, SpatialInertia
 from skyarm.algebra.scalars import add
 from skyarm.dynamics.kinematics import every_joint, onto_leaders
 from skyarm.dynamics.link_axes import members, spatial_inertia
-from skyarm.records.content import kept
+from skyarm.records.content import keep_results
 from skyarm.vehicle import BASE, Vehicle
 
 
@@ -48,7 +48,7 @@ def mass_matrix(vehicle: Vehicle, R_WB: Mat3, joints: Sequence[Scalar]) -> list[
     return M
 
 
-@kept(16)
+@keep_results(16)
 def mass_matrix_at_rest(vehicle: Vehicle) -> tuple[Scalars, ...]:
     """Mass matrix (6+n rows of 6+n) of a level vehicle with all joints at zero, for which laws are made."""
     return tuple(map(tuple, mass_matrix(vehicle, Mat3.identity(), vehicle.zeros)))

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Hashable, Iterable, Mapping
+from dataclasses import field
 from enum import Enum
 from functools import lru_cache, wraps
 from types import FunctionType
 from typing import Any, TypeVar, cast
 
+from skyarm.records.immutable import positional
 from skyarm.records.leaves import field_names
 
 F = TypeVar("F", bound=Callable[..., Any])
@@ -41,21 +43,16 @@ def content(value: object) -> Hashable:
     return kind, *[repr(each) if type(each) is float else content(each) for each in inside]
 
 
+@positional
 class _Call:
     """Arguments of a call, equal to those of another one with the same key."""
 
-    def __init__(self, arguments: tuple[object, ...], key: Hashable) -> None:
-        self.arguments, self._key = arguments, key
-
-    def __hash__(self) -> int:
-        return hash(self._key)
-
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, _Call) and self._key == other._key
+    key: Hashable
+    arguments: tuple[object, ...] = field(compare=False)
 
 
-def kept(most: int, reads: Callable[..., object] | None = None) -> Callable[[F], F]:
-    """Decorator of a pure function of records, which keeps its last results by the content of its arguments.
+def keep_results(most: int, reads: Callable[..., object] | None = None) -> Callable[[F], F]:
+    """Decorator of a pure function of records by position, which keeps its last results by their content.
 
     A file that is read, checked and flown, and read again for the next flight, is solved once. Errors are not kept, nor
     results for arguments without content.
@@ -74,7 +71,7 @@ def kept(most: int, reads: Callable[..., object] | None = None) -> Callable[[F],
                 key = content(arguments if reads is None else reads(*arguments))
             except TypeError:
                 return function(*arguments)
-            return results(_Call(arguments, key))
+            return results(_Call(key, arguments))
 
         return cast("F", result_of)
 

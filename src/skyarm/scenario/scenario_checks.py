@@ -24,7 +24,7 @@ from skyarm.plant.joint_rate import joint_rate
 from skyarm.plant.largest_step import check_largest_step
 from skyarm.plant.surroundings import motions_of
 from skyarm.records.coerce import TOLERANCE, concrete
-from skyarm.records.content import kept
+from skyarm.records.content import keep_results
 from skyarm.records.field_rules import require_fields
 from skyarm.records.files import did_you_mean, errors_as, must_be_one_of, number, shown
 from skyarm.records.leaves import Place, Tree, leaves, named_leaves, part
@@ -294,7 +294,7 @@ def drives_fit(scenario: Scenario) -> None:
     """Check that drives belong to joints with torque, and that drives and environment models are stable."""
     period, vehicle = scenario.rates.period, scenario.agent.vehicle
     joints, own = vehicle.joint_names, [each.joint for each in scenario.agent.drives]
-    added: list[tuple[str, Component[Tree] | Drive]] = [*scenario.environment.placed]
+    added: list[tuple[str, Component[Tree] | Drive]] = [*scenario.environment.placed_models]
     for fitted in scenario.agent.joint_drives:
         where = f"plant.{'' if fitted.joint in own else 'vehicle.'}drives.{fitted.joint}"
         added.append((where, fitted.drive))
@@ -326,7 +326,7 @@ def plant_can_fly(scenario: Scenario) -> None:
         _require_plant(truth)
 
 
-@kept(16)
+@keep_results(16)
 def _require_plant(truth: Vehicle) -> None:
     """Raise an error if a vehicle cannot be simulated."""
     require_plant(truth)
@@ -379,7 +379,7 @@ def surroundings_fit(scenario: Scenario) -> None:
     for i, fault in enumerate(scenario.agent.faults):
         with errors_as(ValueError, f"environment.faults[{i}]."):
             fault.check(vehicle)
-    for where, component in scenario.agent.placed_in(scenario.environment):
+    for where, component in scenario.agent.placed_models(scenario.environment):
         with _at_its_place(where):
             component.require_vehicle(vehicle, period, scenario.agent.plant.gravity)
 
@@ -394,7 +394,7 @@ def shared_surroundings_fit(scenario: Scenario) -> None:
             words = f"must be {gravities[first]!r} as of {first}; there is one world"
             raise ValueError(f"agents.{name}.plant.gravity = {gravity!r}: {words}")
     agents = ("", *scenario.agents, *scenario.others)
-    for where, force in scenario.environment.placed:
+    for where, force in scenario.environment.placed_models:
         agent = getattr(force, "agent", "")  # a part of a user may have one of its own
         if type(agent) is str and agent not in agents:
             raise ValueError(f"{where}.agent = {shown(agent)}: {must_be_one_of(agents[1:], agent)}")
@@ -484,13 +484,13 @@ def require_flight(scenario: object) -> None:
         begin(scenario)
 
 
-def _what_starts(scenario: Scenario) -> object:
+def _numbers_of_start(scenario: Scenario) -> object:
     """Parts of a scenario that decide how its vehicles start among the bodies that they may touch."""
     agents = [(name, each.plant, each.reference, each.initial) for name, each in scenario.agents.items()]
     return scenario.environment.world, scenario.closure, agents
 
 
-@kept(16, _what_starts)
+@keep_results(16, _numbers_of_start)
 def begin(scenario: Scenario) -> None:
     """Compute where the vehicles start, and meet the bodies that they may touch.
 

@@ -366,7 +366,7 @@ class Environment:
         return (Surface(name="ground"), *still)
 
     @property
-    def placed(self) -> tuple[tuple[str, AnyComponent], ...]:
+    def placed_models(self) -> tuple[tuple[str, AnyComponent], ...]:
         """Wind, air and added forces with their parameter paths, such as ``environment.air[0]``."""
         lists = {"environment.air": self.air, "environment.forces": self.forces}
         numbered = [(f"{where}[{i}]", each) for where, several in lists.items() for i, each in enumerate(several)]
@@ -506,10 +506,10 @@ class Agent:
         given = {each.joint: each.drive for each in self.joint_drives}
         return tuple(given.get(joint.name, TORQUE_DRIVE) for joint in self.plant.vehicle.joints) if given else ()
 
-    def placed_in(self, environment: Environment) -> tuple[tuple[str, AnyComponent], ...]:
+    def placed_models(self, environment: Environment) -> tuple[tuple[str, AnyComponent], ...]:
         """Environment models that the vehicle has for itself, with their parameter paths: wind, payloads, battery."""
         return (
-            *((at, each) for at, each in environment.placed if not each.shared),
+            *((at, each) for at, each in environment.placed_models if not each.shared),
             *((f"payloads[{i}]", each) for i, each in enumerate(self.payloads)),
             *(("plant.vehicle.battery", each) for each in self.power),
         )
@@ -902,11 +902,11 @@ class Scenario(ShortNames):
     @property
     def placed_components(self) -> tuple[tuple[str, AnyComponent], ...]:
         """All environment models of one vehicle with their parameter paths, such as ``environment.air[0]``."""
-        return (*self.agent.placed_in(self.environment), *self.placed_shared)
+        return (*self.agent.placed_models(self.environment), *self.placed_shared)
 
     def own_components(self, agent: Agent) -> tuple[AnyComponent, ...]:
         """Environment models that a vehicle has for itself: wind, air and forces, its payloads, its battery's load."""
-        return tuple(component for _, component in agent.placed_in(self.environment))
+        return tuple(component for _, component in agent.placed_models(self.environment))
 
     @property
     def shared_components(self) -> tuple[AnyComponent, ...]:
@@ -916,7 +916,7 @@ class Scenario(ShortNames):
     @property
     def placed_shared(self) -> tuple[tuple[str, AnyComponent], ...]:
         """Environment models that all vehicles share, with their parameter paths."""
-        together = ((at, each) for at, each in self.environment.placed if each.shared)
+        together = ((at, each) for at, each in self.environment.placed_models if each.shared)
         teams = () if self.team is None else (("team", self.team),)
         return (*together, *teams, *(("world", each) for each in self.worlds))
 

@@ -110,7 +110,7 @@ def unlikely_units(scenario: Scenario) -> tuple[str, ...]:
     """Warnings about scenario values that are probably in wrong units, without values of the plant's vehicle."""
     records = {
         "plant": scenario.agent.plant, "model": scenario.agent.controller.par.model, "world": scenario.world,
-        **dict(scenario.environment.placed), "payloads": scenario.agent.payloads,
+        **dict(scenario.environment.placed_models), "payloads": scenario.agent.payloads,
         "sensors": scenario.agent.noise, "delays": scenario.agent.delays, "initial": scenario.agent.initial,
         "estimator": scenario.agent.estimator,
         **{f"sensors.{each.name}": each.sensor for each in scenario.agent.sensors},
