@@ -12,8 +12,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import fields, replace
 from itertools import pairwise
 
-from skyarm.algebra import Scalar, Sym3
-from skyarm.dynamics import mass_matrix_at_rest
+from skyarm.algebra import Mat3, Scalar, Sym3
+from skyarm.dynamics import mass_matrix
 from skyarm.dynamics.actuators.servo import PositionServo
 from skyarm.flight_data.quantities import GRAVITY
 from skyarm.records.files import must_be_one_of, number
@@ -354,7 +354,7 @@ def with_servos(vehicle: Vehicle, servoed: Sequence[bool]) -> Vehicle:
         name = link.joint.name
         if name in [each.name for each in vehicle.drives]:
             raise ValueError(f"drives.{name}: must be a position_servo, or none: joint_commands are its setpoints")
-        inertia = float(mass_matrix_at_rest(vehicle)[6 + i][6 + i])
+        inertia = float(mass_matrix(vehicle, Mat3.identity(), [0.0] * vehicle.n)[6 + i][6 + i])
         servo = PositionServo(inertia=inertia, stiffness=inertia * UNKNOWN**2, damping=2.0 * inertia * UNKNOWN)
         made.append(MountedDrive(name=name, drive=servo))
     return replace(vehicle, drives=tuple(made)) if len(made) > len(vehicle.drives) else vehicle
