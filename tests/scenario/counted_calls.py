@@ -20,11 +20,16 @@ from pathlib import Path
 from types import FrameType
 
 import skyarm
+from skyarm.scenario.scenario_checks import begin
 
 FILE = Path(__file__).with_name("pins") / "calls.json"
 PACKAGE = str(Path(skyarm.__file__).parent)
 
 LOADED = "case3"
+
+TEAM = "two_carry_a_bar"
+"""Scenario of two vehicles whose law is the same and whose bar is set down and met before it is flown."""
+
 REPLACED = {
     "plant.gravity": 9.7,
     "environment.wind.velocity.0": 2.0,
@@ -63,6 +68,8 @@ def works() -> dict[str, Callable[[], object]]:
     given = skyarm.load_scenario(LOADED)
     found: dict[str, Callable[[], object]] = {
         f"load {LOADED}": partial(skyarm.load_scenario, LOADED),
+        f"load {TEAM}": partial(skyarm.load_scenario, TEAM),
+        f"start of {TEAM}, computed anew": partial(begin.__wrapped__, skyarm.load_scenario(TEAM)),  # type: ignore[attr-defined]
         "seed": partial(dataclasses.replace, given, seed=given.seed + 1),
     }
     return found | {path: partial(skyarm.with_numbers, given, {path: value}) for path, value in REPLACED.items()}

@@ -37,7 +37,7 @@ def faults(found: dict[str, dict[str, int]], version: str) -> list[str]:
 def test_a_load_and_replaced_numbers_take_no_more_calls_than_they_did() -> None:
     with only_shipped():
         found = counted_calls.counts()
-    assert found.keys() == HELD["now"].keys() == HELD["2806b03d"].keys()
+    assert found.keys() == HELD["now"].keys() >= HELD["2806b03d"].keys()
     assert faults(found, counted_calls.version()) == []
 
 

@@ -22,11 +22,13 @@ from skyarm.algebra.scalars import mul
 from skyarm.control.controller import Controller, ControllerError, LawOptions
 from skyarm.control.law_checks import call_maker
 from skyarm.control.model import GeometricGains, JointGains, Model
+from skyarm.records.content import keep_results
 from skyarm.records.files import did_you_mean, must_be_one_of, nearest, shown
 from skyarm.records.immutable import positional
 from skyarm.records.leaves import leaves, part, rebuild, replace_at
 from skyarm.records.registry import Registration, registrations
 from skyarm.records.registry.plugins import law_of_file_key
+from skyarm.records.registry.registrations import SHIPPED
 from skyarm.records.registry.shipped import TUNED
 
 __all__ = ["TUNED", "Controller", "ControllerError"]
@@ -110,9 +112,15 @@ def make_controller(name: str, model: Model, **options: Any) -> Controller:
     for option, value in options.items():
         if option not in entry.options():
             raise ControllerError(f"controller.{option} = {shown(value)}: {no_option(name, entry.options(), option)}")
-    made = call_maker(entry.function(), name, model, options)
+    make = _make_shipped if entry.row.source == SHIPPED else call_maker
+    made = make(entry.function(), name, model, options)
     # a maker may return another law's controller
     return replace(made, name=name) if made.name in LAWS else made
+
+
+_make_shipped = keep_results(64)(call_maker)
+"""Function as ``call_maker`` for makers of the library, which are pure: the members of a team share a law, and so do
+scenarios that are read again. A user's maker may look at whatever it likes."""
 
 
 def suitable_options(law: str, given: Mapping[str, float]) -> dict[str, Any]:

@@ -8,11 +8,11 @@ from dataclasses import MISSING, fields
 from types import MappingProxyType
 from typing import Any
 
-from skyarm.algebra import Mat3, Vec3
+from skyarm.algebra import Vec3
 from skyarm.control.blocks.geometric import RATE_ERRORS
 from skyarm.control.controller import Controller, ControllerError, Law, LawOptions
 from skyarm.control.model import GeometricGains, JointGains, Model, Options, Parameters
-from skyarm.dynamics import mass_matrix
+from skyarm.dynamics import mass_matrix_at_rest
 from skyarm.dynamics.actuators import Mixer, make_mixer
 from skyarm.dynamics.actuators.mixer import POLICIES
 from skyarm.records import coerce
@@ -51,7 +51,7 @@ def default_joint_gains(model: Model, *, torque: bool = False) -> JointGains:
     n = model.vehicle.n
     own: tuple[Any, ...] = (1.0,) * n
     if torque:
-        M = mass_matrix(model.vehicle, Mat3.identity(), (0.0,) * n)
+        M = mass_matrix_at_rest(model.vehicle)
         own = tuple(M[6 + i][6 + i] for i in range(n))
     stiffness, damping = (tuple(gain * j for j in own) for gain in ACCELERATION_GAINS)
     return JointGains(stiffness=stiffness, damping=damping)

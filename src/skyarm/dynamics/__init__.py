@@ -5,7 +5,7 @@ position nor velocity of the base enters the recursions. :mod:`skyarm.dynamics.a
 """
 
 from skyarm.dynamics.articulated_body import forward_dynamics
-from skyarm.dynamics.composite_body import mass_matrix
+from skyarm.dynamics.composite_body import mass_matrix, mass_matrix_at_rest
 from skyarm.dynamics.energy import Momentum, center_of_mass, kinetic_energy, momentum, potential_energy
 from skyarm.dynamics.kinematics import Pose, frame_pose, joint_placement, link_poses
 from skyarm.dynamics.newton_euler import JointMotion, inverse_dynamics, load_forces
@@ -25,6 +25,7 @@ __all__ = [
     "link_poses",
     "load_forces",
     "mass_matrix",
+    "mass_matrix_at_rest",
     "momentum",
     "potential_energy",
     "proper_acceleration",

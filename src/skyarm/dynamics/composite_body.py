@@ -7,10 +7,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from skyarm.algebra import Mat3, Scalar, SpatialInertia
+from skyarm.algebra import Mat3, Scalar, Scalars, SpatialInertia
 from skyarm.algebra.scalars import add
 from skyarm.dynamics.kinematics import every_joint, onto_leaders
 from skyarm.dynamics.link_axes import members, spatial_inertia
+from skyarm.records.content import keep_results
 from skyarm.vehicle import BASE, Vehicle
 
 
@@ -45,6 +46,12 @@ def mass_matrix(vehicle: Vehicle, R_WB: Mat3, joints: Sequence[Scalar]) -> list[
         for row, value in enumerate((*R_WB.apply(force.force), *force.torque)):
             M[row][6 + i] = M[6 + i][row] = value
     return M
+
+
+@keep_results(16)
+def mass_matrix_at_rest(vehicle: Vehicle) -> tuple[Scalars, ...]:
+    """Mass matrix (6+n rows of 6+n) of a level vehicle with all joints at zero, for which laws are made."""
+    return tuple(map(tuple, mass_matrix(vehicle, Mat3.identity(), vehicle.zeros)))
 
 
 def _of_leaders(vehicle: Vehicle, M: list[list[Scalar]]) -> list[list[Scalar]]:

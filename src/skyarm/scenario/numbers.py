@@ -190,7 +190,8 @@ def _replace_numbers(
     for owner in {place[:end] for place in fields for end in range(1, len(place))}:
         if hasattr(record_there := part(changed, owner), "with_followers"):
             own = {place[len(owner) :] for place in fields if place[: len(owner)] == owner}
-            changed = replace_at(changed, {owner: record_there.with_followers(own)})
+            followed = record_there.with_followers(own)
+            changed = changed if followed is record_there else replace_at(changed, {owner: followed})
     return changed
 
 

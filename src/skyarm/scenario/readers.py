@@ -37,7 +37,7 @@ from skyarm.reference.waypoints import samples_as_spline
 from skyarm.scenario.controller_table import controller_by_name, controller_from, is_gains_file, loop_facts
 from skyarm.scenario.numbers import INITIAL
 from skyarm.scenario.payload_tables import with_commands, with_instants
-from skyarm.scenario.scenario_checks import check_quaternion, check_scenario, require_start_outside
+from skyarm.scenario.scenario_checks import begin, check_quaternion, check_scenario
 from skyarm.scenario.scenario_record import Change, Scenario, trimmed_state
 from skyarm.vehicle import Joint, Vehicle
 from skyarm.vehicle.linkage import JOINT_NUMBERS
@@ -422,8 +422,7 @@ def at_start(scenario: Scenario, initials: Mapping[str, tuple[object, str]]) -> 
             one = one.with_initial(initial_state(Fields(initial, path), one))
             check_scenario(one, [INITIAL])
             scenario = dataclasses.replace(scenario, agents={**scenario.agents, name: one.agent})
-    if scenario.world is not None:
-        require_start_outside(scenario)
+    begin(scenario)
     return scenario
 
 

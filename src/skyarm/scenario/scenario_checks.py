@@ -24,6 +24,7 @@ from skyarm.plant.joint_rate import joint_rate
 from skyarm.plant.largest_step import check_largest_step
 from skyarm.plant.surroundings import motions_of
 from skyarm.records.coerce import TOLERANCE, concrete
+from skyarm.records.content import keep_results
 from skyarm.records.field_rules import require_fields
 from skyarm.records.files import did_you_mean, errors_as, must_be_one_of, number, shown
 from skyarm.records.leaves import Place, Tree, leaves, named_leaves, part
@@ -293,7 +294,7 @@ def drives_fit(scenario: Scenario) -> None:
     """Check that drives belong to joints with torque, and that drives and environment models are stable."""
     period, vehicle = scenario.rates.period, scenario.agent.vehicle
     joints, own = vehicle.joint_names, [each.joint for each in scenario.agent.drives]
-    added: list[tuple[str, Component[Tree] | Drive]] = [*scenario.placed_winds_and_forces]
+    added: list[tuple[str, Component[Tree] | Drive]] = [*scenario.environment.placed_models]
     for fitted in scenario.agent.joint_drives:
         where = f"plant.{'' if fitted.joint in own else 'vehicle.'}drives.{fitted.joint}"
         added.append((where, fitted.drive))
@@ -322,9 +323,15 @@ def plant_can_fly(scenario: Scenario) -> None:
     """Check that the plant can be simulated: its rotors span torque and thrust, whether they can lift it or not."""
     truth = scenario.agent.vehicle
     with errors_as(ValueError, f"plant.vehicle = {truth.name!r}: "):
-        require_plant(truth)
-        make_mixer(truth)
-        joint_rate(truth)
+        _require_plant(truth)
+
+
+@keep_results(16)
+def _require_plant(truth: Vehicle) -> None:
+    """Raise an error if a vehicle cannot be simulated."""
+    require_plant(truth)
+    make_mixer(truth)
+    joint_rate(truth)
 
 
 @rule("plant.vehicle", "controller", numbers=False)
@@ -372,7 +379,7 @@ def surroundings_fit(scenario: Scenario) -> None:
     for i, fault in enumerate(scenario.agent.faults):
         with errors_as(ValueError, f"environment.faults[{i}]."):
             fault.check(vehicle)
-    for where, component in scenario.placed_own:
+    for where, component in scenario.agent.placed_models(scenario.environment):
         with _at_its_place(where):
             component.require_vehicle(vehicle, period, scenario.agent.plant.gravity)
 
@@ -387,7 +394,7 @@ def shared_surroundings_fit(scenario: Scenario) -> None:
             words = f"must be {gravities[first]!r} as of {first}; there is one world"
             raise ValueError(f"agents.{name}.plant.gravity = {gravity!r}: {words}")
     agents = ("", *scenario.agents, *scenario.others)
-    for where, force in scenario.placed_winds_and_forces:
+    for where, force in scenario.environment.placed_models:
         agent = getattr(force, "agent", "")  # a part of a user may have one of its own
         if type(agent) is str and agent not in agents:
             raise ValueError(f"{where}.agent = {shown(agent)}: {must_be_one_of(agents[1:], agent)}")
@@ -473,31 +480,38 @@ def require_flight(scenario: object) -> None:
                 if not (concrete(value) or callable(value) or isinstance(value, Mapping)):
                     said = f"{field} = {shown(value)}"
                     raise ScenarioError(f"{said}: must be one number; a Batch flies several side by side")
-    if scenario.worlds:
-        with errors_as(ScenarioError):
-            require_start_outside(scenario)
+    with errors_as(ScenarioError):
+        begin(scenario)
 
 
-def require_start_outside(scenario: Scenario) -> None:
-    """Raise an error if the vehicle starts inside a surface, or with an excessive contact force.
+def _numbers_of_start(scenario: Scenario) -> object:
+    """Parts of a scenario that decide how its vehicles start among the bodies that they may touch."""
+    agents = [(name, each.plant, each.reference, each.initial) for name, each in scenario.agents.items()]
+    return scenario.environment.world, scenario.closure, agents
+
+
+@keep_results(16, _numbers_of_start)
+def begin(scenario: Scenario) -> None:
+    """Compute where the vehicles start, and meet the bodies that they may touch.
 
     Raises:
-        ValueError: one line.
+        ValueError: one line: a vehicle starts inside a surface, with an excessive contact force, or out of reach.
     """
-    for name in scenario.agents:
-        _require_start_outside(scenario.of(name), name)
+    states = list[State]()
+    for name in scenario.agents if scenario.worlds else ():
+        states.append(first_state(one := scenario.of(name)))
+        _require_start_outside(one, name, states[-1])
+    truths = [each.plant for each in scenario.agents.values()]
     for contact in scenario.worlds:
-        alone = [scenario.of(name) for name in scenario.agents]
-        truths, states = [each.agent.plant for each in alone], [first_state(each) for each in alone]
         contact.require_within_reach(motions_of(truths, states, tuple(scenario.agents))[0])
 
 
-def _require_start_outside(scenario: Scenario, name: str) -> None:
+def _require_start_outside(scenario: Scenario, name: str, state: State) -> None:
     """Raise an error if one vehicle, of a name, starts inside a surface, or with an excessive contact force."""
     from skyarm.scenario.endings import BodyContact, RotorContact
     from skyarm.world.contact.initial_world import require_start_outside as require_outside
 
-    state, vehicle, gravity = first_state(scenario), scenario.agent.vehicle, scenario.agent.plant.gravity
+    vehicle, gravity = scenario.agent.vehicle, scenario.agent.plant.gravity
     for contact in (each.of_agent(name) for each in scenario.worlds):
         if not concrete(*leaves((contact, state, gravity, vehicle.mass))):
             return  # of a batch: each lane shows itself

@@ -67,7 +67,7 @@ from skyarm.scenario.in_flight import require_changes
 from skyarm.scenario.numbers import require_apart, with_numbers
 from skyarm.scenario.paths import OF_STUDIES, is_below
 from skyarm.scenario.payload_tables import with_model_changes
-from skyarm.scenario.scenario_checks import check_scenario, require_start_outside
+from skyarm.scenario.scenario_checks import begin, check_scenario
 from skyarm.scenario.scenario_record import Agent, Change, Scenario, ScenarioError
 from skyarm.vehicle.vehicle_files import list_vehicles
 from skyarm.world import TimedPayload
@@ -277,7 +277,7 @@ def _with_stated_numbers(scenario: Scenario, numbers: Mapping[str, Scalar]) -> S
     except ValueError as error:
         raise _by_its_path(scenario, numbers, str(error)) from None
     require_changes(changed)
-    require_start_outside(changed)
+    begin(changed)
     return changed
 
 

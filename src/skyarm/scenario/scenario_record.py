@@ -349,6 +349,29 @@ class Environment:
             raise ScenarioError(f"world = {shown(self.world)}: must be a Contact or None")
         accept_fields(self, "", ScenarioError)
 
+    @property
+    def has_ground(self) -> bool:
+        """True if there is a ground at z = 0; planes of the world take its place."""
+        surfaces = () if self.world is None else self.world.surfaces
+        return self.ground and not any(surface.shape == "plane" for surface in surfaces)
+
+    @property
+    def solids(self) -> tuple[Surface, ...]:
+        """Surfaces at rest: the ground, if there is one, and those of the world."""
+        still = () if self.world is None else self.world.still
+        if not self.has_ground:
+            return still
+        from skyarm.world.contact.surface import Surface
+
+        return (Surface(name="ground"), *still)
+
+    @property
+    def placed_models(self) -> tuple[tuple[str, AnyComponent], ...]:
+        """Wind, air and added forces with their parameter paths, such as ``environment.air[0]``."""
+        lists = {"environment.air": self.air, "environment.forces": self.forces}
+        numbered = [(f"{where}[{i}]", each) for where, several in lists.items() for i, each in enumerate(several)]
+        return (("environment.wind", self.wind), *numbered)
+
 
 @immutable
 class Agent:
@@ -483,6 +506,14 @@ class Agent:
         given = {each.joint: each.drive for each in self.joint_drives}
         return tuple(given.get(joint.name, TORQUE_DRIVE) for joint in self.plant.vehicle.joints) if given else ()
 
+    def placed_models(self, environment: Environment) -> tuple[tuple[str, AnyComponent], ...]:
+        """Environment models that the vehicle has for itself, with their parameter paths: wind, payloads, battery."""
+        return (
+            *((at, each) for at, each in environment.placed_models if not each.shared),
+            *((f"payloads[{i}]", each) for i, each in enumerate(self.payloads)),
+            *(("plant.vehicle.battery", each) for each in self.power),
+        )
+
 
 def words_as_keywords(kind: type[Record]) -> type[Record]:
     """Decorator of a dataclass that also accepts fields of its groups as keywords, such as ``wind`` of ``environment``.
@@ -531,9 +562,168 @@ def _fields_from_words(kind: type, words: dict[str, object]) -> dict[str, object
     return fields
 
 
+class ShortNames:
+    """Base of :class:`Scenario` with the fields of its groups, and of its only vehicle, under their own names.
+
+    ``scenario.wind`` is ``scenario.environment.wind``, ``scenario.plant`` is ``scenario.agent.plant``, and
+    ``scenario.with_plant(plant)`` is the scenario with another one.
+
+    Raises:
+        ScenarioError: a field of the only vehicle, or another one in its place, where several fly.
+    """
+
+    __slots__ = ()
+
+    if TYPE_CHECKING:
+
+        @property
+        def agent(self) -> Agent:
+            """Only vehicle of the scenario."""
+            ...
+
+        @property
+        def environment(self) -> Environment:
+            """Surroundings."""
+            ...
+
+        @property
+        def solver(self) -> Solver:
+            """Simulation of the plant."""
+            ...
+
+        def with_agent(self, agent: Agent) -> Scenario:
+            """Copy of the scenario with another only vehicle."""
+            ...
+
+    @property
+    def plant(self) -> Truth:
+        """Vehicle and gravity that are simulated, as opposed to the control law's model of them."""
+        return self.agent.plant
+
+    @property
+    def controller(self) -> Controller:
+        """Control law with its model of the vehicle."""
+        return self.agent.controller
+
+    @property
+    def reference(self) -> Trajectory:
+        """Reference trajectory: desired motion of the vehicle over time."""
+        return self.agent.reference
+
+    @property
+    def tracking_start(self) -> Scalar:
+        """Time (s) at which the control law begins to track the reference."""
+        return self.agent.tracking_start
+
+    @property
+    def path_time(self) -> PathTime | None:
+        """Time scaling of the reference; None without one."""
+        return self.agent.path_time
+
+    @property
+    def noise(self) -> SensorNoise:
+        """Noise of the full-state measurement."""
+        return self.agent.noise
+
+    @property
+    def sensors(self) -> tuple[NamedSensor, ...]:
+        """Sensors in addition to the full-state sensor."""
+        return self.agent.sensors
+
+    @property
+    def estimator(self) -> Estimator:
+        """Estimator of the measurement that the law receives."""
+        return self.agent.estimator
+
+    @property
+    def drives(self) -> tuple[JointDrive, ...]:
+        """Joint drives that the scenario assigns, in place of the vehicle's drives for the same joints."""
+        return self.agent.drives
+
+    @property
+    def delays(self) -> Delays:
+        """Delays of measurements and commands in the control loop."""
+        return self.agent.delays
+
+    @property
+    def initial(self) -> State | None:
+        """Stated initial state of the vehicle; None for hover trim."""
+        return self.agent.initial
+
+    @property
+    def faults(self) -> tuple[Fault, ...]:
+        """Faults of single actuators."""
+        return self.agent.faults
+
+    @property
+    def payloads(self) -> tuple[TimedPayload, ...]:
+        """Payloads that are picked up and set down in flight."""
+        return self.agent.payloads
+
+    @property
+    def kind(self) -> str:
+        """Kind of simulator, such as "rigid_body" or "mujoco"."""
+        return self.solver.kind
+
+    @property
+    def integrator(self) -> str:
+        """Integrator of the equations of motion: "rk4", "euler" or "rk4_staged"."""
+        return self.solver.integrator
+
+    @property
+    def closure(self) -> str:
+        """Closure of grasps: forces of a "spring", or constraints of MuJoCo, a "weld"."""
+        return self.solver.closure
+
+    @property
+    def wind(self) -> AnyComponent:
+        """Wind model of the scenario."""
+        return self.environment.wind
+
+    @property
+    def air(self) -> tuple[AnyComponent, ...]:
+        """Models of air motion in addition to the wind."""
+        return self.environment.air
+
+    @property
+    def forces(self) -> tuple[AnyComponent, ...]:
+        """Force models in addition to wind and contact."""
+        return self.environment.forces
+
+    @property
+    def ground(self) -> bool:
+        """True if the episode ends when the vehicle reaches the ground at z = 0; planes of the world take its place."""
+        return self.environment.has_ground
+
+    @property
+    def world(self) -> Contact | None:
+        """Contact model: surfaces and the vehicle's points that touch them; None for free flight."""
+        return self.environment.world
+
+    def with_controller(self, controller: Controller) -> Scenario:
+        """Scenario with another control law; scheduled changes of the law stay (:meth:`under` leaves them out)."""
+        return self.with_agent(replace(self.agent, controller=controller))
+
+    def with_plant(self, plant: Truth) -> Scenario:
+        """Scenario with another true vehicle or gravity; the law's model stays."""
+        return self.with_agent(replace(self.agent, plant=plant))
+
+    def with_reference(self, reference: Trajectory) -> Scenario:
+        """Copy of the scenario with another reference trajectory."""
+        return self.with_agent(replace(self.agent, reference=reference))
+
+    def with_delays(self, delays: Delays) -> Scenario:
+        """Copy of the scenario with other delays of measurements and commands."""
+        return self.with_agent(replace(self.agent, delays=delays))
+
+    def with_initial(self, initial: State) -> Scenario:
+        """Copy of the scenario with another initial state of the vehicle."""
+        return self.with_agent(replace(self.agent, initial=initial))
+
+
 @words_as_keywords
 @immutable
-class Scenario:
+class Scenario(ShortNames):
     """Complete definition of one experiment.
 
     ``scenario.wind`` means ``scenario.environment.wind``. It is made of its fields or, as type checkers do not see, of
@@ -695,145 +885,9 @@ class Scenario:
         changes = tuple(each for each in self.changes if not each.of_law)
         return replace(self, changes=changes, agents=replace(self._members, records=records))
 
-    def with_controller(self, controller: Controller) -> Scenario:
-        """Scenario with another control law; scheduled changes of the law stay (:meth:`under` leaves them out)."""
-        return self.with_agent(replace(self.agent, controller=controller))
-
-    def with_plant(self, plant: Truth) -> Scenario:
-        """Scenario with another true vehicle or gravity; the law's model stays."""
-        return self.with_agent(replace(self.agent, plant=plant))
-
-    def with_reference(self, reference: Trajectory) -> Scenario:
-        """Copy of the scenario with another reference trajectory."""
-        return self.with_agent(replace(self.agent, reference=reference))
-
-    def with_delays(self, delays: Delays) -> Scenario:
-        """Copy of the scenario with other delays of measurements and commands."""
-        return self.with_agent(replace(self.agent, delays=delays))
-
-    def with_initial(self, initial: State) -> Scenario:
-        """Copy of the scenario with another initial state of the vehicle."""
-        return self.with_agent(replace(self.agent, initial=initial))
-
     def with_kind(self, kind: str) -> Scenario:
         """Scenario on another kind of simulator, "rigid_body" or "mujoco"."""
         return replace(self, solver=replace(self.solver, kind=kind))
-
-    @property
-    def kind(self) -> str:
-        """Kind of simulator, such as "rigid_body" or "mujoco"."""
-        return self.solver.kind
-
-    @property
-    def integrator(self) -> str:
-        """Integrator of the equations of motion: "rk4", "euler" or "rk4_staged"."""
-        return self.solver.integrator
-
-    @property
-    def closure(self) -> str:
-        """Closure of grasps: forces of a "spring", or constraints of MuJoCo, a "weld"."""
-        return self.solver.closure
-
-    @property
-    def wind(self) -> AnyComponent:
-        """Wind model of the scenario."""
-        return self.environment.wind
-
-    @property
-    def air(self) -> tuple[AnyComponent, ...]:
-        """Models of air motion in addition to the wind."""
-        return self.environment.air
-
-    @property
-    def forces(self) -> tuple[AnyComponent, ...]:
-        """Force models in addition to wind and contact."""
-        return self.environment.forces
-
-    @property
-    def solids(self) -> tuple[Surface, ...]:
-        """Surfaces at rest: the ground, if there is one, and those of the world."""
-        still = tuple(surface for each in self.worlds for surface in each.still)
-        if not self.ground:
-            return still
-        from skyarm.world.contact.surface import Surface
-
-        return (Surface(name="ground"), *still)
-
-    @property
-    def ground(self) -> bool:
-        """True if the episode ends when the vehicle reaches the ground at z = 0; planes of the world take its place."""
-        planes = any(surface.shape == "plane" for each in self.worlds for surface in each.surfaces)
-        return self.environment.ground and not planes
-
-    @property
-    def world(self) -> Contact | None:
-        """Contact model: surfaces and the vehicle's points that touch them; None for free flight."""
-        return self.environment.world
-
-    @property
-    def plant(self) -> Truth:
-        """Vehicle and gravity that are simulated, as opposed to the control law's model of them."""
-        return self.agent.plant
-
-    @property
-    def controller(self) -> Controller:
-        """Control law with its model of the vehicle."""
-        return self.agent.controller
-
-    @property
-    def reference(self) -> Trajectory:
-        """Reference trajectory: desired motion of the vehicle over time."""
-        return self.agent.reference
-
-    @property
-    def tracking_start(self) -> Scalar:
-        """Time (s) at which the control law begins to track the reference."""
-        return self.agent.tracking_start
-
-    @property
-    def path_time(self) -> PathTime | None:
-        """Time scaling of the reference; None without one."""
-        return self.agent.path_time
-
-    @property
-    def noise(self) -> SensorNoise:
-        """Noise of the full-state measurement."""
-        return self.agent.noise
-
-    @property
-    def sensors(self) -> tuple[NamedSensor, ...]:
-        """Sensors in addition to the full-state sensor."""
-        return self.agent.sensors
-
-    @property
-    def estimator(self) -> Estimator:
-        """Estimator of the measurement that the law receives."""
-        return self.agent.estimator
-
-    @property
-    def drives(self) -> tuple[JointDrive, ...]:
-        """Joint drives that the scenario assigns, in place of the vehicle's drives for the same joints."""
-        return self.agent.drives
-
-    @property
-    def delays(self) -> Delays:
-        """Delays of measurements and commands in the control loop."""
-        return self.agent.delays
-
-    @property
-    def initial(self) -> State | None:
-        """Stated initial state of the vehicle; None for hover trim."""
-        return self.agent.initial
-
-    @property
-    def faults(self) -> tuple[Fault, ...]:
-        """Faults of single actuators."""
-        return self.agent.faults
-
-    @property
-    def payloads(self) -> tuple[TimedPayload, ...]:
-        """Payloads that are picked up and set down in flight."""
-        return self.agent.payloads
 
     @property
     def steps(self) -> int:
@@ -848,11 +902,11 @@ class Scenario:
     @property
     def placed_components(self) -> tuple[tuple[str, AnyComponent], ...]:
         """All environment models of one vehicle with their parameter paths, such as ``environment.air[0]``."""
-        return (*self.placed_own_of(self.agent), *self.placed_shared)
+        return (*self.agent.placed_models(self.environment), *self.placed_shared)
 
     def own_components(self, agent: Agent) -> tuple[AnyComponent, ...]:
         """Environment models that a vehicle has for itself: wind, air and forces, its payloads, its battery's load."""
-        return tuple(component for _, component in self.placed_own_of(agent))
+        return tuple(component for _, component in agent.placed_models(self.environment))
 
     @property
     def shared_components(self) -> tuple[AnyComponent, ...]:
@@ -860,38 +914,11 @@ class Scenario:
         return tuple(component for _, component in self.placed_shared)
 
     @property
-    def places_of_components(self) -> tuple[tuple[tuple[str, ...], ...], tuple[str, ...]]:
-        """Parameter paths of each vehicle's own environment models, and of those that all share."""
-        own = tuple(tuple(at for at, _ in self.placed_own_of(each)) for each in self.agents.values())
-        return own, tuple(at for at, _ in self.placed_shared)
-
-    @property
-    def placed_own(self) -> tuple[tuple[str, AnyComponent], ...]:
-        """Environment models of the only vehicle that it has for itself, with their parameter paths."""
-        return self.placed_own_of(self.agent)
-
-    def placed_own_of(self, agent: Agent) -> tuple[tuple[str, AnyComponent], ...]:
-        """Environment models that a vehicle has for itself, with their parameter paths."""
-        return (
-            *((at, each) for at, each in self.placed_winds_and_forces if not each.shared),
-            *((f"payloads[{i}]", each) for i, each in enumerate(agent.payloads)),
-            *(("plant.vehicle.battery", each) for each in agent.power),
-        )
-
-    @property
     def placed_shared(self) -> tuple[tuple[str, AnyComponent], ...]:
         """Environment models that all vehicles share, with their parameter paths."""
-        together = ((at, each) for at, each in self.placed_winds_and_forces if each.shared)
+        together = ((at, each) for at, each in self.environment.placed_models if each.shared)
         teams = () if self.team is None else (("team", self.team),)
         return (*together, *teams, *(("world", each) for each in self.worlds))
-
-    @property
-    def placed_winds_and_forces(self) -> tuple[tuple[str, AnyComponent], ...]:
-        """Wind, air and added forces with their parameter paths."""
-        around = self.environment
-        lists = {"environment.air": around.air, "environment.forces": around.forces}
-        numbered = [(f"{where}[{i}]", each) for where, several in lists.items() for i, each in enumerate(several)]
-        return (("environment.wind", around.wind), *numbered)
 
     @property
     def worlds(self) -> tuple[Contact, ...]:

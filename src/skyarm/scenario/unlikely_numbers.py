@@ -96,7 +96,7 @@ def load_warnings(scenario: Scenario) -> Iterator[str]:
         looks, frame = scenario.agent.reference.at(times), vehicle.frame(payload.frame or None)
         top = looks.position + axis_rotation(E_Z, looks.yaw).apply(frame_pose(vehicle, frame, looks.joints).p)
         held = (times >= float(payload.pick)) & (times < float(payload.drop))
-        for solid in scenario.solids:
+        for solid in scenario.environment.solids:
             below = top.z - float(payload.hangs)
             deepest = float(np.max(np.where(held, np.asarray(payload.let_down(top, (solid,)).z - below), 0.0)))
             if deepest > 0.0:
@@ -110,7 +110,7 @@ def unlikely_units(scenario: Scenario) -> tuple[str, ...]:
     """Warnings about scenario values that are probably in wrong units, without values of the plant's vehicle."""
     records = {
         "plant": scenario.agent.plant, "model": scenario.agent.controller.par.model, "world": scenario.world,
-        **dict(scenario.placed_winds_and_forces), "payloads": scenario.agent.payloads,
+        **dict(scenario.environment.placed_models), "payloads": scenario.agent.payloads,
         "sensors": scenario.agent.noise, "delays": scenario.agent.delays, "initial": scenario.agent.initial,
         "estimator": scenario.agent.estimator,
         **{f"sensors.{each.name}": each.sensor for each in scenario.agent.sensors},

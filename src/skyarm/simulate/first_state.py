@@ -113,4 +113,6 @@ def first_surroundings(scenario: Scenario, first: LoopState) -> Together:
 
 def component_places(scenario: Scenario) -> Places:
     """Parameter paths of the environment models: those of each vehicle's own, and of those that all share."""
-    return scenario.places_of_components
+    models = (each.placed_models(scenario.environment) for each in scenario.agents.values())
+    own = tuple(tuple(at for at, _ in placed) for placed in models)
+    return own, tuple(at for at, _ in scenario.placed_shared)

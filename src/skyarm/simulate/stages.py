@@ -137,7 +137,7 @@ class Stages:
             motions = motions_of(self.worlds, [loop.state for loop in now.agents], tuple(self.scenario.agents))
             for each, motion, row in zip(self.agents, motions, rows, strict=True):
                 motion.task_time, motion.time = each.waits.task_time(row), time
-                motion.solids = self.scenario.solids
+                motion.solids = self.scenario.environment.solids
             for each, motion, models, memories in zip(self.agents, motions, self.own, own, strict=True):
                 self._act(models, memories, time, motion, each.waits.loads)
             self._act(self.shared, shared, time, motions[0], self.agents[0].waits.loads)

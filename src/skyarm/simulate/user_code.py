@@ -258,7 +258,7 @@ def _parts_of_agent(scenario: Scenario, *, first: bool) -> Iterator[Found]:
     agent = scenario.agent
     if is_own(agent.controller) and agent.controller.compiled:
         yield "controller", agent.controller, "law", _check_law, agent.controller.law
-    components = scenario.placed_components if first else scenario.placed_own
+    components = scenario.placed_components if first else agent.placed_models(scenario.environment)
     faults = [(f"environment.faults[{i}]", each) for i, each in enumerate(agent.faults)]
     for at, record in [("reference", agent.reference), *faults, *components]:
         for place, signal in _own_signals(record, at):

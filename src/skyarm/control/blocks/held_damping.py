@@ -19,11 +19,11 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from skyarm.algebra import Mat3, Scalar, Scalars
+from skyarm.algebra import Scalar, Scalars
 from skyarm.algebra.linear_solve import ldl_solve
 from skyarm.algebra.scalars import add, data, divide, exp, logical_and, maximum, mul, same, where
 from skyarm.control.model import Model
-from skyarm.dynamics import mass_matrix
+from skyarm.dynamics import mass_matrix_at_rest
 from skyarm.records.coerce import concrete
 from skyarm.vehicle import Joint, Vehicle
 
@@ -52,7 +52,7 @@ def joint_mobilities(vehicle: Vehicle, period: float) -> Scalars:
     joints = vehicle.joints
     if not any(map(_rubs, joints)):
         return (0,) * vehicle.n
-    M = mass_matrix(vehicle, Mat3.identity(), vehicle.zeros)
+    M = mass_matrix_at_rest(vehicle)
     units = ([float(row == 6 + i) for row in range(len(M))] for i in range(vehicle.n))
     mobilities = [ldl_solve(M, unit)[6 + i] for i, unit in enumerate(units)]
     return tuple(_if_quick(joint, m, period) for joint, m in zip(joints, mobilities, strict=True))

@@ -9,7 +9,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from skyarm import dynamics
-from skyarm.algebra import Mat3, Vec3
+from skyarm.algebra import Vec3
 from skyarm.algebra.scalars.philox import uniforms
 from skyarm.dynamics.actuators.hover import hover_trim
 from skyarm.records.arrays import Array
@@ -192,7 +192,7 @@ def fitted_damping(scenario: Scenario, spread: Spread, values: dict[str, Array])
         values: path -> (plants,), of :func:`skyarm.studies.compare.perturbed_plants.draw`.
     """
     truth = scenario.agent.vehicle
-    M = dynamics.mass_matrix(truth, Mat3.identity(), truth.zeros)
+    M = dynamics.mass_matrix_at_rest(truth)
     rescaled = dict(values)
     for i in range(truth.n):
         path = f"plant.vehicle.links.{i}.joint.damping"

@@ -20,8 +20,7 @@ from typing import Any
 
 import numpy as np
 
-from skyarm.algebra import Mat3
-from skyarm.dynamics import mass_matrix
+from skyarm.dynamics import mass_matrix_at_rest
 from skyarm.dynamics.actuators.hover import highest_thrust
 from skyarm.dynamics.workspace import reach
 from skyarm.records.files import PathLike, file_name, shown
@@ -210,7 +209,7 @@ def fading(vehicle: Vehicle, rate: float) -> tuple[float, ...]:
     """
     if not vehicle.n:
         return ()
-    M = np.array(mass_matrix(vehicle, Mat3.identity(), vehicle.zeros), dtype=float)
+    M = np.array(mass_matrix_at_rest(vehicle), dtype=float)
     mobility = np.linalg.inv(M)[6:, 6:]
     inertia = 1.0 / np.diag(mobility)
     fastest = np.abs(np.linalg.eigvals(mobility * inertia)).max()

@@ -20,6 +20,7 @@ from skyarm.dynamics.energy import center_of_mass
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.dynamics.state import State
 from skyarm.records.arrays import Array
+from skyarm.records.content import keep_results
 from skyarm.records.files import shown
 from skyarm.records.leaves import Tree
 from skyarm.vehicle import Vehicle
@@ -254,6 +255,7 @@ def _nothing(what: str, position: Vec3) -> str:
     return f"nothing carries {what} within {LOWEST:g} m below {shown([float(c) for c in position])} m"
 
 
+@keep_results(16)
 def with_standing_objects(contact: Contact, gravity: float) -> Contact:
     """Contact model whose objects marked as standing are placed in static equilibrium.
 
@@ -347,6 +349,7 @@ class _Supports:
         self._contact, self._index, self._away = contact, index, frozenset(away)
         self._all, self._first = _meetings_of(contact), list(contact.start(1.0, ()).carried)
         self.weight, self.gravity = float(contact.objects[index].mass) * gravity, gravity
+        self._pose, self._pushes = b"", list[Push]()
 
     def _displace(self, x: Array) -> list[Any]:
         """States of all movable bodies, one of them raised (m) and tilted (rad) about its centre of mass."""
@@ -357,12 +360,21 @@ class _Supports:
         return motions
 
     def pushes(self, x: Array) -> list[Push]:
-        """Contacts that involve the displaced object, each with its arm and its force on the object."""
+        """Contacts that involve the displaced object, each with its arm and its force on the object.
+
+        Those of the latest pose are kept, of which gap, force and residual are computed one after the other.
+        """
+        if x.tobytes() == self._pose:
+            return self._pushes
         i, moved = self._index, self._displace(x)
         pairs = ((each, {each.of, each.by}) for each in self._all(moved))
         mine = [(each, 1 if each.by == i else -1) for each, pair in pairs if i in pair and not pair & self._away]
         middle = moved[i].position
-        return [(each, each.place - middle, each.touch.axis * (each.touch.normal * sign)) for each, sign in mine]
+        self._pose = x.tobytes()
+        self._pushes = [
+            (each, each.place - middle, each.touch.axis * (each.touch.normal * sign)) for each, sign in mine
+        ]
+        return self._pushes
 
     def gap(self, x: Array) -> float:
         """Distance (m) from the displaced object to the nearest surface; negative if it penetrates."""

@@ -27,7 +27,7 @@ from typing import Annotated
 
 import numpy as np
 
-from skyarm.algebra import E_Z, ZERO3_DATA, Mat3, Scalar, Scalars, Vec3, differences
+from skyarm.algebra import E_Z, ZERO3_DATA, Scalar, Scalars, Vec3, differences
 from skyarm.algebra.scalars import add, clip, data, divide, maximum, minimum, mul, sub, where
 from skyarm.control.blocks.attitude import derivative, posture
 from skyarm.control.blocks.filters import low_pass_share
@@ -35,7 +35,7 @@ from skyarm.control.blocks.prediction import Disturbance, no_disturbance
 from skyarm.control.blocks.select import vector_data
 from skyarm.control.laws.centroidal.parameters import CentroidalParameters, OptionalPart, Step, with_joint_damping
 from skyarm.control.laws.centroidal.step_records import Planned, ReferenceMotion
-from skyarm.dynamics import mass_matrix
+from skyarm.dynamics import mass_matrix_at_rest
 from skyarm.dynamics.kinematics import frame_pose, jacobian_columns
 from skyarm.records.immutable import immutable
 from skyarm.records.units import Unit
@@ -241,7 +241,7 @@ def adaptation_gains(
     """
     if not vehicle.n:
         return None
-    M = np.array(mass_matrix(vehicle, Mat3.identity(), (0.0,) * vehicle.n), dtype=float)
+    M = np.array(mass_matrix_at_rest(vehicle), dtype=float)
     joints = [link.joint for link in vehicle.links]
     inertias = [float(M[6 + i][6 + i]) for i in range(vehicle.n)]
     # decay rate of the arm's fastest mode by that damping: that of a joint whose outer joints give way, not locked

@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from typing import Any, TypeVar
 
 from skyarm import dynamics
-from skyarm.algebra import ZERO3_DATA, Mat3, Vec3
+from skyarm.algebra import ZERO3_DATA, Vec3
 from skyarm.control.blocks.attitude import BaseGains
 from skyarm.control.blocks.common import standing_command
 from skyarm.control.blocks.disturbance_observer import AccelerometerGains, ObserverGains, first_observed
@@ -185,7 +185,7 @@ def _row(names: str, values: Iterable[Value]) -> dict[str, Value]:
 
 def _mixer(vehicle: Vehicle, sideways: bool) -> Mixer:
     """Mixer of the centroidal law: thrust takes priority over yaw torque where the rotors allow priorities."""
-    slack = YAW_SLACK * float(dynamics.mass_matrix(vehicle, Mat3.identity(), (0.0,) * vehicle.n)[5][5])
+    slack = YAW_SLACK * float(dynamics.mass_matrix_at_rest(vehicle)[5][5])
     try:
         return make_mixer(vehicle, "thrust_before_yaw", sideways, slack)
     except AllocationError as error:

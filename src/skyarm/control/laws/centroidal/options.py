@@ -9,13 +9,12 @@ from typing import Any, NoReturn
 
 import numpy as np
 
-from skyarm.algebra import Mat3
 from skyarm.control.controller import ControllerError, LawOptions
 from skyarm.control.laws.centroidal.contact import options as contact
 from skyarm.control.laws.centroidal.noise_estimate import noise_share
 from skyarm.control.laws.centroidal.parameters import SHARES
 from skyarm.control.laws.centroidal.tilting import options as tilting
-from skyarm.dynamics import mass_matrix
+from skyarm.dynamics import mass_matrix_at_rest
 from skyarm.dynamics.kinematics import chain, jacobian_columns
 from skyarm.records.files import errors_as, must_be_one_of, number, shown
 from skyarm.vehicle import BASE, Vehicle
@@ -172,9 +171,8 @@ def tip_lightness(vehicle: Vehicle) -> float:
     """
     if not vehicle.n:
         return 1.0
-    rest = (0.0,) * vehicle.n
-    M = np.array(mass_matrix(vehicle, Mat3.identity(), rest), dtype=float)[6:, 6:]
-    columns = jacobian_columns(vehicle, vehicle.frame(), rest)
+    M = np.array(mass_matrix_at_rest(vehicle), dtype=float)[6:, 6:]
+    columns = jacobian_columns(vehicle, vehicle.frame(), vehicle.zeros)
     J = np.array([list(column.linear) for column in columns], dtype=float).T
     mobility = float(np.linalg.eigvalsh(J @ np.linalg.solve(M, J.T))[-1])
     return max(1.0, mobility * float(vehicle.mass) / MOBILITY)
