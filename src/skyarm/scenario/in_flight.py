@@ -38,6 +38,7 @@ from skyarm.scenario.paths import (
     roots,
     variable_words,
 )
+from skyarm.scenario.payload_tables import scheduled_changes
 from skyarm.scenario.readers import LAW
 from skyarm.scenario.scenario_checks import check_scenario
 from skyarm.scenario.scenario_record import Change, Scenario, ScenarioError, in_order
@@ -194,7 +195,7 @@ def stretches(scenario: Scenario) -> tuple[Stretch, ...]:
     Changes after the end of the flight are ignored.
     """
     rate, intervals = scenario.rates.control, [Stretch(0, Overrides())]
-    for change in in_order(scenario.changes, rate):
+    for change in in_order(scheduled_changes(scenario), rate):
         tick = change.tick(rate)
         if tick >= scenario.steps:
             break
@@ -221,7 +222,7 @@ def overrides_at(scenario: Scenario, tick: int) -> Overrides:
 def sources(scenario: Scenario, tick: int) -> dict[str, int]:
     """For each parameter changed up to a control period: index of the scheduled change that set it."""
     rate, numbers = scenario.rates.control, dict(overrides_at(scenario, tick).numbers)
-    made = sorted((change.tick(rate), i, change.path) for i, change in enumerate(scenario.changes))
+    made = sorted((change.tick(rate), i, change.path) for i, change in enumerate(scheduled_changes(scenario)))
     return {path: i for at, i, path in made if at <= tick and path in numbers}
 
 
@@ -239,9 +240,8 @@ def require_changes(scenario: Scenario) -> None:
     Raises:
         ScenarioError: one line with the change, its path or its value, and what is allowed.
     """
-    _try_in_order(
-        scenario, NONE.parts_of(scenario), NONE, [(f"changes[{i}]", c) for i, c in enumerate(scenario.changes)]
-    )
+    if changes := [(f"changes[{i}]", each) for i, each in enumerate(scheduled_changes(scenario))]:
+        _try_in_order(scenario, NONE.parts_of(scenario), NONE, changes)
 
 
 def try_coming(begun: Scenario, now: Scenario, overrides: Overrides, coming: Sequence[Change]) -> None:

@@ -26,12 +26,13 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
+from skyarm.algebra import Scalar
 from skyarm.records.files import did_you_mean, shown
 from skyarm.records.leaves import Tree, replace_at
-from skyarm.reference import Trajectory
 from skyarm.reference.signals import Constant, Sum, Windowed
 from skyarm.reference.task_records import TaskEvent
-from skyarm.scenario.scenario_record import Change
+from skyarm.scenario.paths import prefix_of
+from skyarm.scenario.scenario_record import Change, Scenario
 from skyarm.world import Component, TimedPayload
 
 if TYPE_CHECKING:
@@ -41,34 +42,36 @@ FIELD = {"pick": "pick", "place": "drop"}
 """Kind of a task phase -> field of the payload that it sets."""
 
 
-def with_model_changes(
-    payloads: Sequence[TimedPayload], trajectory: Trajectory, duration: float, rate: int
-) -> tuple[tuple[TimedPayload, ...], tuple[Change, ...]]:
-    """Payloads, and scheduled changes by which the payload mass of the law's model follows known payloads.
+def scheduled_changes(scenario: Scenario) -> tuple[Change, ...]:
+    """All changes in a flight: those that the scenario states, then those of models that have payloads.
 
-    Those of waiting phases, whose instants are unknown, keep ``believed``: the loop follows them.
+    Changes of models follow from the payloads as they are, so that a mass or an instant may be replaced.
+    """
+    derived = (
+        replace(change, path=prefix_of(scenario, name) + change.path)
+        for name, agent in scenario.agents.items()
+        for change in model_changes(agent.modelled_payloads, scenario.steps, scenario.rates.control)
+    )
+    return (*scenario.changes, *derived)
+
+
+def model_changes(payloads: Sequence[TimedPayload], steps: int, rate: int) -> tuple[Change, ...]:
+    """Scheduled changes by which the payload mass of a law's model follows payloads.
 
     Args:
-        payloads: payloads of the flight.
-        trajectory: reference with its waiting phases.
-        duration: duration of the flight, s; changes after its end are left out.
+        payloads: payloads that the model has from pick to drop; masses may be lanes of a batch.
+        steps: control periods of the flight; changes after its end are left out.
         rate: control rate, Hz.
     """
-    waiting = {name for guard in trajectory.guards for name in guard.loads}
-    believed = [each for each in payloads if each.believed and each.name not in waiting]
-    mass_changes: list[Change] = []
-    for frame in dict.fromkeys(payload.frame for payload in believed):
-        here = [payload for payload in believed if payload.frame == frame]
+    changes: list[Change] = []
+    for frame in dict.fromkeys(payload.frame for payload in payloads):
+        here = [payload for payload in payloads if payload.frame == frame]
         path = f"model.payload.{frame}.mass" if frame else "model.payload.mass"
         instants = sorted({float(t) for each in here for t in (each.pick, each.drop) if math.isfinite(t)})
         for t in instants:
-            mass = math.fsum(float(each.mass) for each in here if each.pick <= t < each.drop)
-            mass_changes.append(Change(at=t, path=path, value=mass))
-    steps = duration * rate  # of an absurd duration, which is refused later, infinity
-    last = round(steps) if math.isfinite(steps) else steps
-    changes = sorted((each for each in mass_changes if each.tick(rate) < last), key=lambda change: change.at)
-    marked = (replace(each, believed=False) if each in believed else each for each in payloads)
-    return tuple(marked), tuple(changes)
+            mass: Scalar = sum((each.mass for each in here if each.pick <= t < each.drop), 0.0)
+            changes.append(Change(at=t, path=path, value=mass))
+    return tuple(sorted((each for each in changes if each.tick(rate) < steps), key=lambda change: change.at))
 
 
 def _whole_period(time: float, rate: float) -> float:

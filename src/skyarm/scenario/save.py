@@ -297,12 +297,9 @@ def _without_instants(entry: list[Tables], stated: list[Tables]) -> list[Tables]
 
 
 def _with_changes(tables: Tables, folder: PathLike, scenario: Scenario) -> Tables:
-    """Scenario-file tables with the scheduled changes of a scenario, except those that follow from its payloads."""
+    """Scenario-file tables with the scheduled changes of a scenario."""
     bare = {name: each for name, each in tables.items() if name != "changes"}
-    derived = scenario_from(bare, folder).changes
-    if _alike(derived, scenario.changes):
-        return bare
-    return bare | {"changes": entry_of(tuple(each for each in scenario.changes if each not in derived))}
+    return bare | ({"changes": entry_of(scenario.changes)} if scenario.changes else {})
 
 
 WITHOUT_ENTRY = ("plant", "model", "controller", "reference", "world", "team")

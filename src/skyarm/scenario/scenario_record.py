@@ -465,6 +465,15 @@ class Agent:
         return ((FULL_STATE, self.noise), *((each.name, each.sensor) for each in self.sensors))
 
     @property
+    def modelled_payloads(self) -> tuple[TimedPayload, ...]:
+        """Payloads that the law's model has from pick to drop, apart from those that waiting phases pick.
+
+        The loop adds the latter to the model, since their instants are unknown before the flight.
+        """
+        waiting = {name for guard in self.reference.guards for name in guard.loads}
+        return tuple(each for each in self.payloads if each.believed and each.name not in waiting)
+
+    @property
     def joint_drives(self) -> tuple[JointDrive, ...]:
         """Drives of joints by joint name: those of the scenario, and those of the vehicle for other joints."""
         named = [each.joint for each in self.drives]
@@ -482,6 +491,13 @@ class Agent:
         """Drive of each joint in order; empty if every joint is commanded by torque."""
         given = {each.joint: each.drive for each in self.joint_drives}
         return tuple(given.get(joint.name, TORQUE_DRIVE) for joint in self.plant.vehicle.joints) if given else ()
+
+
+def _with_steady_model(agent: Agent) -> Agent:
+    """Agent whose law's model takes up no payload at a known instant."""
+    names = [each.name for each in agent.modelled_payloads]
+    kept = (replace(each, believed=each.believed and each.name not in names) for each in agent.payloads)
+    return replace(agent, payloads=tuple(kept))
 
 
 def words_as_keywords(kind: type[Record]) -> type[Record]:
@@ -584,8 +600,13 @@ class Scenario:
 
     @property
     def as_begun(self) -> Scenario:
-        """Scenario at the start of the flight, without scheduled changes."""
-        return replace(self, changes=()) if self.changes else self
+        """Scenario at the start of the flight, without scheduled changes: the law's model takes up no payload."""
+        begun = replace(self, changes=()) if self.changes else self
+        if not any(each.modelled_payloads for each in self.agents.values()):
+            return begun
+        return replace(
+            begun, agents=replace(self._members, records=tuple(map(_with_steady_model, self._members.records)))
+        )
 
     @property
     def agent(self) -> Agent:

@@ -23,6 +23,7 @@ from skyarm.records.registry.registrations import function_of_option
 from skyarm.reference import Reference
 from skyarm.scenario.in_flight import NONE, Overrides, require_changes, try_changes, try_coming
 from skyarm.scenario.numbers import with_numbers
+from skyarm.scenario.payload_tables import scheduled_changes
 from skyarm.scenario.scenario_checks import require_flight
 from skyarm.scenario.scenario_record import Change, Scenario, ScenarioError, in_order
 from skyarm.sensing.measurement import Measurement
@@ -61,7 +62,7 @@ class Course:
     @staticmethod
     def of(scenario: Scenario) -> Course:
         """Scenario schedule of a flight before its first control period: all scheduled changes are still to come."""
-        return Course(scenario, scenario, coming=in_order(scenario.changes, scenario.rates.control))
+        return Course(scenario, scenario, coming=in_order(scheduled_changes(scenario), scenario.rates.control))
 
     @property
     def command_ranges(self) -> dict[str, CommandRange]:
@@ -71,7 +72,8 @@ class Course:
     @property
     def plan(self) -> Scenario:
         """Scenario that reproduces the flight: the initial one with all changes made and still scheduled."""
-        changes = (*self.made, *self.coming)
+        derived = scheduled_changes(self.begun)[len(self.begun.changes) :]
+        changes = tuple(each for each in (*self.made, *self.coming) if each not in derived)
         if changes == in_order(self.begun.changes, self.begun.rates.control):
             return self.begun
         return replace(self.begun, changes=changes)

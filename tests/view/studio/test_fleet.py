@@ -12,6 +12,7 @@ import pytest
 import skyarm
 from skyarm.records.files import read_toml
 from skyarm.records.path_names import agent_of
+from skyarm.scenario.payload_tables import scheduled_changes
 from skyarm.scenario.scenario_file import LIBRARY, list_scenarios
 from skyarm.view.studio.clock import Clock
 from skyarm.view.studio.fleet import (
@@ -363,8 +364,8 @@ def test_changes_of_a_file_and_of_a_hand_hold_together_and_are_saved_together(tm
     saved = skyarm.load_scenario(file)
     again = skyarm.run(skyarm.load_scenario(file.with_suffix(".toml")))
     wind, told = "environment.wind.force", "model.payload.mass"
-    assert [(each.at, each.path, each.value) for each in saved.changes] == [
-        (0.2, f"{wind}.y", 1.0), (0.3, told, 0.05), (0.4, f"{wind}.x", 1.0), (0.6, told, 0.0)
+    assert [(each.at, each.path, each.value) for each in scheduled_changes(saved)] == [
+        (0.2, f"{wind}.y", 1.0), (0.4, f"{wind}.x", 1.0), (0.3, told, 0.05), (0.6, told, 0.0)
     ]  # fmt: skip
     log = skyarm.run(saved)
     assert (states(flight) == states_of(log)[:150]).all()

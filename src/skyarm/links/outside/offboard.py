@@ -35,6 +35,7 @@ from skyarm.records.leaves import leaves, rebuild
 from skyarm.records.plain import Plain
 from skyarm.records.units import Unit, positive
 from skyarm.reference import Reference
+from skyarm.scenario.payload_tables import scheduled_changes
 from skyarm.scenario.scenario_record import Scenario, ScenarioError
 from skyarm.simulate.check_endings import Ended
 from skyarm.simulate.inputs import episode_inputs
@@ -141,7 +142,7 @@ def require_outside(scenario: Scenario) -> None:
         raise ScenarioError("reference: must have no phases that wait for conditions, outside of the simulator")
     if scenario.agent.path_time is not None:
         raise ScenarioError("path_time: must be left out, outside of the simulator")
-    for change in scenario.changes:
+    for change in scheduled_changes(scenario):
         # behind agents.NAME too
         if {"model", "controller", "reference"} & {*change.path.split(".")[:3:2]}:
             raise ScenarioError(

@@ -16,6 +16,7 @@ from skyarm.log.formats import save_log
 from skyarm.records.files import require_writable, shown
 from skyarm.records.path_names import agent_of, word_of
 from skyarm.scenario.paths import prefix_of
+from skyarm.scenario.payload_tables import scheduled_changes
 from skyarm.scenario.save import save_scenario
 from skyarm.scenario.scenario_file import load_scenario
 from skyarm.scenario.scenario_record import Agent, Scenario, ScenarioError, with_words
@@ -435,7 +436,7 @@ class FlownAgent:
 
 def _session(scenario: Scenario, paths: Sequence[str]) -> Session:
     """Create a simulation session in which the given parameters are adjustable."""
-    scheduled = [change.path for change in scenario.changes if isinstance(change.value, float)]
+    scheduled = [change.path for change in scheduled_changes(scenario) if isinstance(change.value, float)]
     if scenario.autopilot is not None:
         # a number of the sensors compiles anew when it is moved: those that the autopilot adds have other draws
         return open_session(scenario, [path for path in paths if not path.startswith("sensors.")])
