@@ -56,9 +56,6 @@ from skyarm.records.words import words_of_fields
 from skyarm.scenario.scenario_record import Delays, Rates, Scenario
 from skyarm.vehicle import Vehicle
 
-MEASURED = ("stiffness", "damping")
-"""Limits of the safety layer that are measured on the wrapped law if left out."""
-
 
 def loop_facts(rates: Rates, delays: Delays) -> dict[str, float]:
     """Timing data for building a control law: control period, reference period and measurement delay, s."""
@@ -162,7 +159,8 @@ def _with_safety_of(before: Any, made: Controller, scenario: Scenario) -> Contro
     from skyarm.control.safety import with_safety_layer
     from skyarm.control.safety.limits import usual_joint_errors
 
-    limits = {field: value for field, value in parts(before.limits).items() if field not in MEASURED}
+    measured = [name for _, name in before.measured]
+    limits = {field: value for field, value in parts(before.limits).items() if field not in measured}
     usual = usual_joint_errors(before.model.vehicle, keeps_tip=scenario.agent.controller.keeps_tip)
     if limits["trusted_joint_error"] == usual:
         # usual for the law before; one that keeps the tip loses its joints by more, and one that tracks them by less

@@ -14,7 +14,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from functools import cache
 
-from skyarm.control.actuator_layer import believed_drives
+from skyarm.control.actuator_layer import believed_drives, measured_places
 from skyarm.control.controller import autopilot_of
 from skyarm.dynamics.actuators import AllocationError
 from skyarm.records.files import did_you_mean, errors_as, shown
@@ -33,6 +33,7 @@ from skyarm.scenario.paths import (
     delay_words,
     errors_of_agent,
     is_below,
+    path_of,
     place_of_delay,
     prefix_of,
     roots,
@@ -128,11 +129,25 @@ class Overrides:
             if not self.holds(parts, path):
                 with suppress(ScenarioError):
                     numbers[path] = number_at(parts, path)
+        numbers |= self._measured_limits(scenario, numbers)
         if sum(is_added(parts, path) for path in numbers) <= 1:  # loads add up, and sums depend on their order
             with suppress(ScenarioError):
                 require_apart(parts, tuple(numbers))
                 numbers = dict(sorted(numbers.items()))
         return Overrides(self.parts, tuple(numbers.items()))
+
+    def _measured_limits(self, scenario: Scenario, numbers: Mapping[str, float]) -> dict[str, float]:
+        """Limits of safety layers, by path, that follow from gains among the numbers; traced code measures none."""
+        gains = [path for path in numbers if is_below(word_of(path), "controller.inner")]
+        if not gains:
+            return {}
+        changed = Overrides(self.parts, tuple(numbers.items())).of(scenario)
+        return {
+            path: number_at(changed, path)
+            for name, agent in changed.agents.items()
+            if any(prefix_of(changed, name) in (path.removesuffix(word_of(path)), "") for path in gains)
+            for path in measured_paths(changed, name)
+        }
 
     def holds(self, scenario: Scenario, path: str) -> bool:
         """True if the parameter at a path is overridden, also under another name, as faults.0 for faults.front."""
@@ -159,6 +174,13 @@ class Overrides:
     def of(self, scenario: Scenario) -> Scenario:
         """Scenario with all overrides applied and without scheduled changes."""
         return with_numbers(self.parts_of(scenario), dict(self.numbers))
+
+
+def measured_paths(scenario: Scenario, name: str) -> tuple[str, ...]:
+    """Paths of the limits of a vehicle's safety layer that are measured on the law inside."""
+    one = scenario.of(name)
+    places = (("agent", "controller", *place) for place in measured_places(one.agent.controller))
+    return tuple(prefix_of(scenario, name) + path_of(one, place) for place in places)
 
 
 NONE = Overrides()

@@ -36,6 +36,7 @@ from skyarm.records.read_table import entry_of
 from skyarm.records.words import EACH, Slot, groups, slots
 from skyarm.scenario.controller_table import LAYERS, SUFFIX, is_gains_file
 from skyarm.scenario.document import LEFT_OUT, OF_AGENT_ALONE, slot_of
+from skyarm.scenario.in_flight import measured_paths
 from skyarm.scenario.numbers import with_numbers
 from skyarm.scenario.paths import path_of, place_in_agent, prefix_of
 from skyarm.scenario.readers import with_other_paths
@@ -156,6 +157,9 @@ def _tables_from(target: Scenario, stated: Tables, folder: PathLike) -> Tables:
     target = target.with_loads_of(read)
     loads = _added_loads(read, target)
     numbers = loads | _numbers(with_numbers(read, loads), target)
+    # what follows from the law inside a safety layer is measured again where the file is read
+    measured = {path for name in target.agents for path in measured_paths(target, name)}
+    numbers = {path: value for path, value in numbers.items() if path not in measured}
     written = tables | ({"numbers": numbers} if numbers else {})
     made = scenario_from(written, folder)
     if identity(made) != identity(target):

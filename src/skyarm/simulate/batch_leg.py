@@ -270,7 +270,7 @@ class Leg:
         self._free = tuple(path for path in options.paths if path not in fixed and not path.startswith(OF_CHANGES))
         self._set: dict[str, float] = dict(overrides.data(begun).numbers)
         named = {path: f"{OF_CHANGES}{i}.value" for path, i in sources(begun, periods.start).items()}
-        self._swept = {path: named[path] for path in self._set if named[path] in options.paths}
+        self._swept = {path: named[path] for path in self._set if named.get(path) in options.paths}
         self.base = tuple(number_at(begun, path) for path in options.paths)
         stiff = self.scenario
         if options.stiffest is not None:
