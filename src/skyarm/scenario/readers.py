@@ -23,12 +23,13 @@ from skyarm.records.files import Fields, errors_as, filled_text, must_be_one_of,
 from skyarm.records.files.fields import list_of_tables
 from skyarm.records.files.messages import comma_list, did_you_mean
 from skyarm.records.files.toml import Entry
-from skyarm.records.leaves import Place, Tree, replace_at
+from skyarm.records.leaves import Place, Tree, field_names, replace_at
 from skyarm.records.path_names import AGENTS
 from skyarm.records.read_table import record_from, registered_from, registered_values
 from skyarm.records.registry.plugins import is_law_of_file, known_names
 from skyarm.records.registry.registrations import LOADED_BY
 from skyarm.records.units import units
+from skyarm.records.words import words_of_fields
 from skyarm.reference import Trajectory
 from skyarm.reference.object_motion import motion_of_object
 from skyarm.reference.reference_tables import reference_from
@@ -38,7 +39,7 @@ from skyarm.scenario.controller_table import controller_by_name, controller_from
 from skyarm.scenario.numbers import INITIAL
 from skyarm.scenario.payload_tables import with_commands, with_instants
 from skyarm.scenario.scenario_checks import check_quaternion, check_scenario, require_start_outside
-from skyarm.scenario.scenario_record import Change, Scenario, trimmed_state
+from skyarm.scenario.scenario_record import Change, PartialState, Scenario, trimmed_state
 from skyarm.vehicle import Joint, Vehicle
 from skyarm.vehicle.linkage import JOINT_NUMBERS
 from skyarm.vehicle.vehicle_files import list_vehicles, load_vehicle
@@ -430,6 +431,7 @@ def at_start(scenario: Scenario, initials: Mapping[str, tuple[object, str]]) -> 
 def initial_state(fields: Fields, scenario: Scenario) -> State:
     """Read [initial]: hover trim with given fields replaced, or a vehicle standing on a surface with rotors off."""
     stands = fields.flag("standing", False)
+    words, stated = words_of_fields(State), {*fields.table}
     start = scenario.agent.reference.at(0.0)
     joints = rules(State)["joints"](fields.at("joints"), fields.numbers("joints", [float(q) for q in start.joints]))
     n = scenario.agent.vehicle.n
@@ -455,7 +457,8 @@ def initial_state(fields: Fields, scenario: Scenario) -> State:
     )
     fields.done()
     if not stands:
-        return state
+        left_out = [name for name in field_names(State) or () if words.get(name, name) not in stated]
+        return PartialState.of(state, left_out, scenario.agent.vehicle)
     from skyarm.world.contact.static_equilibrium import stand_vehicle
 
     return stand_vehicle(scenario.agent.vehicle, float(scenario.agent.plant.gravity), scenario.worlds[0], state)

@@ -42,6 +42,7 @@ from skyarm.records.coerce import RecordError, concrete
 from skyarm.records.files import shown
 from skyarm.records.immutable import field_if_any, immutable
 from skyarm.records.leaves import Place, blend, leaves, parts, rebuild, replace_at
+from skyarm.records.path_names import Names, field_paths
 from skyarm.records.units import Unit
 from skyarm.reference import Reference
 from skyarm.reference.trajectory import resting_arm
@@ -60,6 +61,10 @@ class SafetyParameters(LayerParameters):
     limits: Limits
     recovery: Recovery
     stated: tuple[str, ...] = field_if_any(default=())
+
+    def path_names(self) -> Names:
+        """Parameter paths of the constants; which of them are stated is none."""
+        return {name: each for name, each in field_paths(self).items() if name != "stated"}
 
     @property
     def measured(self) -> tuple[Place, ...]:
