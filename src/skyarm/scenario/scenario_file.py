@@ -232,10 +232,10 @@ def _scenario_of(document: Document) -> Scenario:
     top.done()
     require_changes(scenario)
     made = readers.at_start(scenario, initials)
-    planned = {name: each.plan_time(made.of(name)).agent for name, each in members.items()}
-    made = replace(made, agents=planned)
-    with errors_as(ScenarioError, "numbers: "):
-        return _with_stated_numbers(made, numbers) if numbers else made
+    if numbers:
+        with errors_as(ScenarioError, "numbers: "):
+            made = _with_stated_numbers(made, numbers)
+    return replace(made, agents={name: each.plan_time(made.of(name)).agent for name, each in members.items()})
 
 
 def _require_within(changes: Iterable[Change], steps: int, rate: int) -> None:
