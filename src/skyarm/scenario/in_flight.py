@@ -39,7 +39,7 @@ from skyarm.scenario.paths import (
     roots,
     variable_words,
 )
-from skyarm.scenario.payload_tables import scheduled_changes
+from skyarm.scenario.payload_tables import require_events_as_begun, scheduled_changes
 from skyarm.scenario.readers import LAW
 from skyarm.scenario.scenario_checks import check_scenario
 from skyarm.scenario.scenario_record import Change, Scenario, ScenarioError, in_order
@@ -92,8 +92,11 @@ def _fields_of_part(scenario: Scenario, path: str, value: object) -> dict[Place,
             raise ValueError(f"{path} = {shown(value)}: {fixed}; replace reference as a whole")
         entry = path.removeprefix(f"{slot.path}.")
         trajectory = trajectory_from({entry: value}, scenario.agent.vehicle.n, "reference", document.setting)
+        require_events_as_begun(scenario, document.setting.events)
         return {(*slot.field, name): getattr(trajectory, name) for name in dict(slot.word.entries)[entry]}
-    return document.planned_fields()
+    fields = document.planned_fields()
+    require_events_as_begun(scenario, document.setting.events)
+    return fields
 
 
 @positional

@@ -22,7 +22,7 @@ The model of the law takes a point mass at the frame, by changes of ``model.payl
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -40,6 +40,10 @@ if TYPE_CHECKING:
 
 FIELD = {"pick": "pick", "place": "drop"}
 """Kind of a task phase -> field of the payload that it sets."""
+
+
+SAME = 1e-6
+"""Share of a control period within which two instants are the same."""
 
 
 def scheduled_changes(scenario: Scenario) -> tuple[Change, ...]:
@@ -100,9 +104,7 @@ def with_instants(tables: object, events: Sequence[TaskEvent], control_rate: flo
     seen: dict[tuple[str, str], str] = {}
     for event in events:
         at = f"{event.where}.payload = {shown(event.payload)}"
-        if event.payload not in named:
-            near, there = did_you_mean(event.payload, named), ", ".join(named) or "none"
-            raise ValueError(f"{at}: {near}must be the name of one of [[payloads]]; there are {there}")
+        _require_payload(event, named)
         table, field, same = filled[named[event.payload]], FIELD[event.kind], (event.payload, event.kind)
         if same in seen:
             raise ValueError(f"{at}: must be the name of another payload: {seen[same]} {event.kind}s it already")
@@ -114,6 +116,47 @@ def with_instants(tables: object, events: Sequence[TaskEvent], control_rate: flo
             raise ValueError(f"{own}: must be left out, {event.where} says when")
         table[field] = _whole_period(event.time, control_rate)
     return filled
+
+
+def require_events_as_begun(scenario: Scenario, events: Sequence[TaskEvent]) -> None:
+    """Raise an error if a task that comes in flight picks or places otherwise than the flight began.
+
+    Instants of payloads and commands of grippers are fixed for a flight.
+
+    Args:
+        scenario: flight of the vehicle whose task it is.
+        events: events of the task's phases.
+
+    Raises:
+        ValueError: one line: a payload or gripper that is not there, or that has another instant.
+    """
+    named, rate = {each.name: each for each in scenario.agent.payloads}, scenario.rates.control
+    as_begun = "as the flight began, or be left out of a change"
+    for event in (each for each in events if not each.gripper):
+        _require_payload(event, named)
+        field, time = FIELD[event.kind], _whole_period(event.time, rate)
+        if abs(getattr(named[event.payload], field) - time) * rate > SAME:
+            own = f"{event.where}.payload = {shown(event.payload)}: {event.kind}s it at {time:g} s"
+            raise ValueError(f"{own}, must do so at {getattr(named[event.payload], field):g} s {as_begun}")
+    commands = [each for each in events if each.gripper]
+    for world in scenario.worlds if commands else ():
+        names = {each.gripper for each in commands}
+        free = (replace(each, closed=type(each.closed)()) if each.name in names else each for each in world.grippers)
+        agent = next(iter(scenario.agents)) if scenario.others else ""
+        commanded = with_commands(replace_at(world, {("grippers",): tuple(free)}), commands, rate, agent)
+        if getattr(commanded, "grippers", ()) != world.grippers:
+            at = f"{commands[0].where}.gripper = {shown(commands[0].gripper)}"
+            raise ValueError(f"{at}: must close and open {as_begun}")
+    if commands and not scenario.worlds:
+        with_commands(None, commands, rate)
+
+
+def _require_payload(event: TaskEvent, named: Collection[str]) -> None:
+    """Raise an error unless a phase names a payload that there is."""
+    if event.payload not in named:
+        near, there = did_you_mean(event.payload, named), ", ".join(named) or "none"
+        at = f"{event.where}.payload = {shown(event.payload)}"
+        raise ValueError(f"{at}: {near}must be the name of one of [[payloads]]; there are {there}")
 
 
 def with_commands(

@@ -270,11 +270,16 @@ def with_other_paths(tables: Mapping[str, Entry], other: Callable[[str], str]) -
 
 
 def changes(entry: object, path: str, reading: ScenarioWords) -> tuple[Change, ...]:
-    """Read [[changes]] of a scenario file, with sample files read in and paths of gains files made absolute."""
+    """Read [[changes]] of a scenario file, with sample files read in and paths of other files made absolute."""
     read = [record_from(Change, table) for table in list_of_tables(entry, path)]
+
+    def absolute(_: str, file: str, __: str) -> str:
+        return str((reading.folder / file).absolute())  # a change is read again wherever it is flown
+
+    values = (_without_files(each.table, f"{path}[{i}].value", reading.folder) for i, each in enumerate(read))
     return tuple(
-        dataclasses.replace(each, value=_without_files(each.table, f"{path}[{i}].value", reading.folder))
-        for i, each in enumerate(read)
+        dataclasses.replace(each, value=_with_paths(value, path, absolute))
+        for each, value in zip(read, values, strict=True)
     )
 
 
