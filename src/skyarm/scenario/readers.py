@@ -151,7 +151,7 @@ def _vehicle_and_gravity(fields: Fields, reading: ScenarioWords, beside: Sequenc
 def controller(entry: object, path: str, reading: ScenarioWords) -> Controller:
     """Read [controller]: a control law for the model, with its safety and actuator layers."""
     fields, believed = Fields(entry, path), reading.word("model")
-    facts = loop_facts(reading.word("rates"), reading.word("delays"))
+    facts = loop_facts(reading.word("rates"), reading.word("delays"), reading.word("estimator"))
     return controller_from(fields, believed, reading.law, facts, reading.folder)
 
 
