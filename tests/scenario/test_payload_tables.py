@@ -14,7 +14,7 @@ from skyarm.scenario.document import Document
 from skyarm.scenario.in_flight import stretches
 from skyarm.scenario.numbers import with_numbers
 from skyarm.scenario.payload_tables import model_changes, scheduled_changes
-from skyarm.scenario.scenario_file import scenario_from
+from skyarm.scenario.scenario_file import TwoLoadsWarning, scenario_from
 from skyarm.simulate.batch import Batch
 from skyarm.world import HangingPayload
 
@@ -169,3 +169,21 @@ def test_two_payloads_of_one_name_are_one_line():
     }  # fmt: skip
     with pytest.raises(ValueError, match=r"^payloads\[0\]\.name = 'a': must be of one payload only$"):
         scenario_from(document, "test")
+
+
+@pytest.mark.parametrize(("root", "frame"), [("plant", {}), ("plant", {"frame": "tip"}), ("model", {})])
+def test_a_load_that_comes_in_flight_beside_a_stated_one_is_said(root, frame):
+    vehicle, path = {"vehicle": "hummingbird_arm2_rotors"}, f"{root}.payload.mass"
+    document = {
+        "name": "x", "duration": 1.0, "plant": vehicle, "model": vehicle, "controller": {"preset": "centroidal_joint"},
+        "reference": {"base": {"kind": "hover", "position": [0.0, 0.0, 1.0]}},
+        "changes": [{"at": 0.5, "path": path, "value": 0.1}],
+    }  # fmt: skip
+    alone = scenario_from(document)  # and no warning
+    heavy = {root: vehicle | {"payload": {"mass": 0.3, **frame}}}
+    with pytest.warns(TwoLoadsWarning, match=rf"^{path}: is a load beside {root}\.payload\.mass = 0\.3, which it"):
+        both = scenario_from(document | heavy)
+    for scenario, held in ((alone, 0.1), (both, 0.4)):
+        agent = stretches(scenario)[1].overrides.of(scenario).agent
+        carrier = agent.vehicle if root == "plant" else agent.model.vehicle
+        assert carrier.mass - skyarm.load_vehicle("hummingbird_arm2_rotors").mass == pytest.approx(held)

@@ -58,7 +58,7 @@ from skyarm.dynamics.actuators import AllocationError
 from skyarm.records.files import PathLike, errors_as, file_name, one_line, read_toml, shown, unreadable
 from skyarm.records.files.names import kind_of, names_in, read_named
 from skyarm.records.members import SOLE
-from skyarm.records.path_names import AGENTS, word_of
+from skyarm.records.path_names import AGENTS, agent_of, word_of
 from skyarm.records.registry import names
 from skyarm.scenario import readers
 from skyarm.scenario.controller_table import require_servos_said, under_law
@@ -226,6 +226,8 @@ def _scenario_of(document: Document) -> Scenario:
     numbers, initial = document.table("numbers").table, slot_of("initial")
     if document.law is not None:  # gains of a law that does not fly, as changes of it are
         numbers = {path: value for path, value in numbers.items() if not is_below(word_of(path), "controller")}
+    for name, each in members.items():
+        _warn_of_two_loads(each, [word_of(c.path) for c in scenario.changes if agent_of(c.path) in ("", name)])
     initials = {name: (each.entry(initial), each.at("initial")) for name, each in members.items()}
     for name in members if members.keys() != {SOLE} else ():
         document.table(f"{AGENTS}.{name}").done(words_of_agent())
@@ -236,6 +238,27 @@ def _scenario_of(document: Document) -> Scenario:
         with errors_as(ScenarioError, "numbers: "):
             made = _with_stated_numbers(made, numbers)
     return replace(made, agents={name: each.plan_time(made.of(name)).agent for name, each in members.items()})
+
+
+class TwoLoadsWarning(UserWarning):
+    """Warning about a payload of a vehicle's table to which a change in flight adds another."""
+
+
+def _warn_of_two_loads(document: Document, paths: Iterable[str]) -> None:
+    """Warn where a change of one vehicle sets a payload at a frame where [plant] or [model] states another.
+
+    Numbers by path may add to it on purpose: saved files have them.
+    """
+    for path in dict.fromkeys(paths):
+        root, _, load = path.partition(".payload.")
+        if root not in ("plant", "model") or not load:
+            continue
+        stated = document.table(document.at(root)).table.get("payload", {})
+        tip, frame = document.word(root).vehicle.end_effector, load.rpartition(".")[0]
+        if stated.get("mass") and (stated.get("frame") or tip) == (frame or tip):
+            own = f"{document.at(root)}.payload.mass = {shown(stated['mass'])}"
+            words = f"{path}: is a load beside {own}, which it does not replace; set both by the path"
+            warnings.warn(words, TwoLoadsWarning, stacklevel=2)
 
 
 def _require_within(changes: Iterable[Change], steps: int, rate: int) -> None:
