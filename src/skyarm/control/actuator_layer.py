@@ -240,7 +240,8 @@ def _with_layers_refitted(controller: Controller, changed: Collection[Place]) ->
 
 def measured_places(controller: Controller) -> tuple[Place, ...]:
     """Places, in a controller, of the constants of its layers that are measured on the law inside."""
-    par, at, places = controller.par, ("par",), list[Place]()
+    par, places = controller.par, list[Place]()
+    at: Place = ("par",)
     while is_record(getattr(par, "inner", None)):
         places += [(*at, *place) for place in getattr(par, "measured", ())]
         par, at = par.inner, (*at, "inner")

@@ -24,7 +24,7 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from skyarm.algebra import Scalar
 from skyarm.records.files import did_you_mean, shown
@@ -139,16 +139,16 @@ def require_events_as_begun(scenario: Scenario, events: Sequence[TaskEvent]) -> 
             own = f"{event.where}.payload = {shown(event.payload)}: {event.kind}s it at {time:g} s"
             raise ValueError(f"{own}, must do so at {getattr(named[event.payload], field):g} s {as_begun}")
     commands = [each for each in events if each.gripper]
-    for world in scenario.worlds if commands else ():
-        names = {each.gripper for each in commands}
-        free = (replace(each, closed=type(each.closed)()) if each.name in names else each for each in world.grippers)
-        agent = next(iter(scenario.agents)) if scenario.others else ""
-        commanded = with_commands(replace_at(world, {("grippers",): tuple(free)}), commands, rate, agent)
-        if getattr(commanded, "grippers", ()) != world.grippers:
-            at = f"{commands[0].where}.gripper = {shown(commands[0].gripper)}"
-            raise ValueError(f"{at}: must close and open {as_begun}")
-    if commands and not scenario.worlds:
-        with_commands(None, commands, rate)
+    if not commands:
+        return
+    names, agent = {each.gripper for each in commands}, next(iter(scenario.agents)) if scenario.others else ""
+    grippers = scenario.world.grippers if scenario.world is not None else ()
+    free = (replace(each, closed=type(each.closed)()) if each.name in names else each for each in grippers)
+    bare: Any = scenario.world if scenario.world is None else replace_at(scenario.world, {("grippers",): tuple(free)})
+    commanded: Any = with_commands(bare, commands, rate, agent)
+    if commanded.grippers != grippers:
+        at = f"{commands[0].where}.gripper = {shown(commands[0].gripper)}"
+        raise ValueError(f"{at}: must close and open {as_begun}")
 
 
 def _require_payload(event: TaskEvent, named: Collection[str]) -> None:
