@@ -243,7 +243,7 @@ def measured_places(controller: Controller) -> tuple[Place, ...]:
     par, places = controller.par, list[Place]()
     at: Place = ("par",)
     while is_record(getattr(par, "inner", None)):
-        places += [(*at, *place) for place in getattr(par, "measured", ())]
+        places += [(*at, *place) for place in getattr(par, "measured_limits", ())]
         par, at = par.inner, (*at, "inner")
     return tuple(places)
 

@@ -166,7 +166,7 @@ def _with_safety_of(before: Any, made: Controller, scenario: Scenario) -> Contro
     from skyarm.control.safety import with_safety_layer
     from skyarm.control.safety.limits import usual_joint_errors
 
-    measured = [name for _, name in before.measured]
+    measured = [name for _, name in before.measured_limits]
     limits = {field: value for field, value in parts(before.limits).items() if field not in measured}
     usual = usual_joint_errors(before.model.vehicle, keeps_tip=scenario.agent.controller.keeps_tip)
     if limits["trusted_joint_error"] == usual:

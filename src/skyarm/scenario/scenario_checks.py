@@ -155,7 +155,7 @@ def joints_can_be_compiled(scenario: Scenario) -> None:
         )
 
 
-@rule("initial", "plant.vehicle")
+@rule("initial", "plant.vehicle", "plant.gravity", "reference")
 def initial_state_is_possible(scenario: Scenario) -> None:
     """Check an initial state that is stated against the plant's joints, rotors and tilts."""
     if scenario.agent.initial is not None:

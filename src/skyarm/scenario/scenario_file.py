@@ -215,6 +215,7 @@ def _scenario_of(document: Document) -> Scenario:
         with each.errors_at():
             controller = each.stated_table("controller")
             require_servos_said(controller, each.word("plant").vehicle, each.word("model"))
+            each.word("payloads")  # and the reference, of whose faults the law's would distract
             agents[name] = Agent(**{place[-1]: value for place, value in each.fields(agent=True).items()})
     shared = {place[-1]: value for place, value in document.fields(agent=False).items()}
     scenario = Scenario(**shared | {"agents": agents, "changes": tuple(changes)})

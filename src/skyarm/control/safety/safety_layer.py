@@ -67,7 +67,7 @@ class SafetyParameters(LayerParameters):
         return {name: each for name, each in field_paths(self).items() if name != "stated"}
 
     @property
-    def measured(self) -> tuple[Place, ...]:
+    def measured_limits(self) -> tuple[Place, ...]:
         """Places, in these constants, of the limits that follow from the law inside."""
         return tuple(("limits", name) for name in MEASURED if name not in self.stated)
 
@@ -80,10 +80,11 @@ class SafetyParameters(LayerParameters):
         """
         stated = tuple(name for name in MEASURED if name in self.stated or ("limits", name) in changed)
         par = self if stated == self.stated else replace(self, stated=stated)
-        if not par.measured or not any(place[0] == "inner" for place in changed) or not concrete(*leaves(law.par)):
+        follows = par.measured_limits and any(place[0] == "inner" for place in changed)
+        if not follows or not concrete(*leaves(law.par)):
             return par
         found = dict(zip(MEASURED, law_stiffness(law), strict=True))
-        return replace_at(par, {place: found[place[-1]] for place in par.measured})
+        return replace_at(par, {place: found[place[-1]] for place in par.measured_limits})
 
 
 @immutable
