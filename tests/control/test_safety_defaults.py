@@ -14,6 +14,11 @@ from skyarm.control.catalogue import make_controller
 from skyarm.control.controller import ControllerError
 from skyarm.control.model import Model
 from skyarm.control.safety.limits import limits_for
+from skyarm.scenario.controller_table import under_law
+from skyarm.scenario.in_flight import stretches
+from skyarm.simulate.batch import Batch
+from skyarm.simulate.lane_numbers import MeasuredLimitsWarning
+from skyarm.simulate.loop import run_in_python
 from support.pages import cells_of
 
 GRAVITY = 9.1
@@ -144,3 +149,63 @@ def test_the_margin_on_both_sides_leaves_half_of_a_joints_range(which):
     margin[which] = 0.5001
     with pytest.raises(ControllerError, match=rf"^safety.joint_margin\[{which}\] = 0.5001: must be at most a quarter"):
         limits_for(law, joint_margin=margin, **PULL)
+
+
+DOCUMENT = {
+    "name": "guarded", "duration": 0.2, "plant": {"vehicle": "hummingbird_arm2_rotors"},
+    "controller": {"law": "hybrid_computed_torque", "safety": True},
+    "reference": {"base": {"kind": "hover", "position": [0.0, 0.0, 1.0]}},
+}  # fmt: skip
+
+
+def guarded(safety=True, **words):
+    """Scenario in hover with a law in a safety layer."""
+    return skyarm.scenario_from(DOCUMENT | {"controller": DOCUMENT["controller"] | {"safety": safety, **words}})
+
+
+def pulls_of(scenario):
+    limits = scenario.controller.par.limits
+    return limits.stiffness, limits.damping
+
+
+STIFF = {"position": [9.0, 9.0, 32.0], "velocity": [5.0, 5.0, 9.0], "attitude": [8.0] * 3, "rate": [2.0] * 3}
+AT = "controller.inner.gains"
+
+
+def test_replaced_gains_have_the_limits_of_a_law_that_is_made_with_them():
+    begun = guarded()
+    numbers = {f"{AT}.{name}.{axis}": row[i] for name, row in STIFF.items() for i, axis in enumerate("xyz")}
+    changed, twin = skyarm.with_numbers(begun, numbers), guarded(gains=STIFF)
+    assert pulls_of(changed) == pulls_of(twin) != pulls_of(begun)
+    assert skyarm.with_numbers(changed, {"plant.gravity": 9.8}).controller == changed.controller
+    for measured, safety in ((1, {"stiffness": 6.0}), (0, {"damping": 2.5})):
+        found = pulls_of(skyarm.with_numbers(guarded(safety), numbers))
+        expected = [6.0, 2.5]
+        expected[measured] = pulls_of(twin)[measured]
+        assert list(found) == expected, "what is stated stays"
+    own = skyarm.with_numbers(begun, {"controller.limits.stiffness": 6.0})
+    assert pulls_of(skyarm.with_numbers(own, numbers)) == (6.0, pulls_of(twin)[1])
+
+
+def test_gains_that_change_in_flight_are_measured_in_machine_code_too():
+    change = skyarm.Change(at=0.05, path=f"{AT}.position.z", value=32.0)
+    changed = dataclasses.replace(guarded(), changes=(change,))
+    assert dict(stretches(changed)[1].overrides.data(changed).numbers)["controller.limits.stiffness"] > 30.0
+    quick, slow = skyarm.run(changed), run_in_python(changed)
+    assert (quick.rotor_commands == slow.rotor_commands).all()
+    with pytest.warns(MeasuredLimitsWarning, match=r"^path = 'controller\.inner\.gains\.position\.z': varies, while"):
+        Batch(guarded(), [change.path])
+
+
+def test_another_law_keeps_the_limits_that_are_stated():
+    others = (guarded({"stiffness": 7.0}), guarded({"damping": 2.1}), guarded())
+    found = [pulls_of(under_law(each, "centroidal_joint")) for each in others]
+    (measured,) = found[2:]
+    assert found[:2] == [(7.0, measured[1]), (measured[0], 2.1)]
+
+
+def test_a_saved_file_of_other_gains_has_their_limits(tmp_path):
+    changed = skyarm.with_numbers(guarded(), {f"{AT}.position.z": 32.0})
+    base = skyarm.save_scenario(tmp_path / "base.toml", guarded(), DOCUMENT)
+    found = skyarm.load_scenario(skyarm.save_scenario(tmp_path / "found.toml", changed, base))
+    assert pulls_of(found) == pulls_of(changed)

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import copy
 import dataclasses
 import datetime
 import json
 import math
 import tomllib
+from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -19,9 +22,11 @@ from skyarm.records.identity import identity
 from skyarm.records.plain import digest, plain
 from skyarm.records.restore import restore
 from skyarm.reference import signal_from
+from skyarm.scenario import readers
 from skyarm.scenario.controller_table import under_law
 from skyarm.scenario.in_flight import overrides_at, require_changes, stretches
 from skyarm.scenario.numbers import number_at, require_apart, with_numbers
+from skyarm.scenario.scenario_file import LIBRARY
 from skyarm.scenario.scenario_record import Change, NamedSensor
 from support.cases import sampled, toml_text
 from support.components import Fix
@@ -346,3 +351,51 @@ def test_a_file_of_gains_of_a_change_lies_beside_the_file_of_the_scenario(tmp_pa
         file.write_text(toml_text(BASE | {"changes": [{"at": 0.5, "path": path, "value": value}]}))
         scenario = load_scenario(file)
         assert number_at(overrides_at(scenario, 150).of(scenario), GAIN) == 5.0
+
+
+PICK = {"kind": "pick", "payload": "box", "position": [0.1, 0.0, 1.0], "dwell": 0.5}
+HOLD = {"kind": "hold", "duration": 0.5}
+
+
+def task(*phases: Any) -> dict[str, Any]:
+    return {"base": {"kind": "phases", "position": [0.0, 0.0, 1.0], "phases": list(phases)}}
+
+
+@pytest.mark.parametrize("path", ["reference", "reference.base"])
+def test_a_task_that_comes_in_flight_picks_what_and_when_the_flight_began_with(path: str) -> None:
+    begun = document("case3", duration=6.0, reference=task(PICK), windows={})
+    begun |= {"payloads": [{"name": "box", "mass": 0.05}]}
+
+    def coming(*phases: Any, **tables: Any) -> Scenario:
+        value = task(*phases)
+        later = [at(4.0, path, value["base"] if path == "reference.base" else value)]
+        return scenario_from(begun | tables | {"changes": later})
+
+    assert coming(PICK).payloads == scenario_from(begun).payloads
+    where = r"^changes\[0\]: reference\.base\.phases\[{}\]\."
+    for phases, words in (
+        ([PICK | {"payload": "bax"}], "payload = 'bax': did you mean 'box'\\? must be the name of one of"),
+        ([HOLD, PICK], "payload = 'box': picks it at .* s, must do so at .* s as the flight began"),
+        ([{"kind": "pick", "gripper": "hand", "position": [0.1, 0.0, 1.0]}], "gripper = 'hand': must be the name of"),
+    ):
+        with pytest.raises(ScenarioError, match=where.format(len(phases) - 1) + words):
+            coming(*phases)
+
+
+def test_grippers_of_a_task_that_comes_in_flight_close_as_the_flight_began() -> None:
+    begun = tomllib.loads((LIBRARY / "pull_door.toml").read_text("utf-8"))
+    same = at(1.0, "reference", begun["reference"])
+    assert scenario_from(begun | {"changes": [same]}).world == scenario_from(begun).world
+    later = copy.deepcopy(begun["reference"])
+    later["tip"]["path"]["phases"].insert(0, HOLD)
+    with pytest.raises(ScenarioError, match=r"gripper = '\w+': must close and open as the flight began"):
+        scenario_from(begun | {"changes": [at(1.0, "reference", later)]})
+
+
+def test_files_of_a_change_are_beside_the_scenario(tmp_path: Path) -> None:
+    value = {"kind": "plan", "file": "plan.npz", "bodies": [{"mesh": "box.stl"}]}
+    reading: Any = SimpleNamespace(folder=tmp_path)
+    (read,) = readers.changes([at(0.5, "reference", value)], "changes", reading)
+    assert read.table == {
+        "kind": "plan", "file": str(tmp_path / "plan.npz"), "bodies": [{"mesh": str(tmp_path / "box.stl")}]
+    }  # fmt: skip

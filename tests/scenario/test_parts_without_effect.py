@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import dataclasses
+import re
+import tomllib
 import warnings
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -12,9 +15,11 @@ import skyarm
 from skyarm.algebra import Vec3
 from skyarm.algebra.scalars import maximum, sqrt
 from skyarm.records.immutable import immutable
+from skyarm.scenario.controller_table import under_law
 from skyarm.scenario.in_flight import Change
 from skyarm.scenario.without_effect import WithoutEffectWarning, without_effect
 from skyarm.sensing.estimate.estimator import FULL_STATE, Estimator
+from skyarm.sensing.measurement import SensorNoise
 from skyarm.sensing.sensor_kinds import Heading, Position
 from skyarm.vehicle.vehicle_files import list_vehicles
 from skyarm.vehicle.vehicle_records import BodyDrag
@@ -229,6 +234,26 @@ def test_a_sensor_that_only_the_log_reads_is_said():
     assert [line.partition(":")[0] for line in without_effect(both)] == ["sensors.compass", "sensors.satellites"]
     (line,) = without_effect(dataclasses.replace(both, estimator=HeadingsOnly()))
     assert line == "sensors.satellites: only the log has its readings, the law does not; an [estimator] for it?"
+
+
+PAGE = (Path(__file__).resolve().parents[2] / "docs" / "sensors.md").read_text("utf-8")
+ESTIMATED = tomllib.loads(re.findall(r'```toml title="estimated\.toml"\n(.*?)```', PAGE, re.DOTALL)[0])
+
+
+def test_noise_and_age_of_a_full_state_that_no_estimator_reads_are_said():
+    full = ESTIMATED | {"delays": {"measurement": 0.02}, "sensors": ESTIMATED["sensors"] | {"position": 0.01}}
+    own, late = skyarm.scenario_from(ESTIMATED), skyarm.scenario_from(full)
+    assert without_effect(own) == ()
+    lines = [line.partition("; ")[0] for line in without_effect(late)]
+    words = "is of the full state, which the [estimator] does not read"
+    assert lines == [f"sensors.position: {words}", f"delays.measurement: {words}"]
+    assert late.controller.par == own.controller.par, "the estimate is of the present"
+    assert under_law(late, "centroidal_joint").controller.par == under_law(own, "centroidal_joint").controller.par
+    without = {word: table for word, table in full.items() if word != "estimator"}
+    assert skyarm.scenario_from(without).controller.par != own.controller.par, "a late state is predicted over"
+    compass = (skyarm.NamedSensor(name="compass", sensor=Heading()),)
+    noisy = dataclasses.replace(CASE, sensors=compass, estimator=HeadingsOnly(), noise=SensorNoise(position=0.01))
+    assert without_effect(noisy) == (), "it reads the state"
 
 
 def test_loading_a_file_warns_once_and_a_calm_one_does_not(tmp_path):

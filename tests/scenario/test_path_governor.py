@@ -288,12 +288,26 @@ def test_what_cannot_be_planned_is_refused_in_one_line():
             "was planned for 5.4 s, the flight lasts 9 s",
         ),
         (lambda: skyarm.with_numbers(led("drop"), {"reference.x.value": 1.0}), "must stay as it is where"),
+        (lambda: skyarm.with_numbers(led("drop"), {"model.gravity": 9.0}), "must stay as it is where"),
         (lambda: skyarm.govern(flight(x=Ramp(start=0.0, duration=1.0, height=1e308))), "not finite"),
     ):
         with pytest.raises(skyarm.ScenarioError) as caught:
             make()
         assert words in str(caught.value)
         assert "\n" not in str(caught.value)
+
+
+def test_a_file_is_planned_with_its_numbers():
+    circle = {"kind": "circle", "radius": 1.0, "frequency_hz": 0.8, "center": [0.0, 0.0, 2.0]}
+    weak = {f"model.vehicle.rotors.{i}.max_speed": 600.0 for i in range(4)}
+    governed = {"reference": {"base": circle, "governor": True}}
+    planned = scenario_from(DOCUMENT | governed | {"numbers": weak})
+    twin = skyarm.govern(skyarm.with_numbers(scenario_from(DOCUMENT | {"reference": {"base": circle}}), weak))
+    strong = scenario_from(DOCUMENT | governed)
+    assert planned.path_time == twin.path_time != strong.path_time
+    assert planned.path_time is not None
+    wide = scenario_from(DOCUMENT | governed | {"numbers": {"reference.base.radius": 2.0}})
+    assert wide.path_time != strong.path_time
 
 
 def test_tasks_whose_instants_would_come_too_early_are_refused():

@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from pathlib import Path
 
+import numpy as np
 import pytest
 
-from skyarm.reference import hover
+import skyarm
 from skyarm.scenario.document import Document
-from skyarm.scenario.payload_tables import with_model_changes
-from skyarm.scenario.scenario_file import scenario_from
+from skyarm.scenario.in_flight import stretches
+from skyarm.scenario.numbers import with_numbers
+from skyarm.scenario.payload_tables import model_changes, scheduled_changes
+from skyarm.scenario.scenario_file import TwoLoadsWarning, scenario_from
+from skyarm.simulate.batch import Batch
 from skyarm.world import HangingPayload
 
 
@@ -28,13 +33,50 @@ def test_belief_is_told_the_mass_that_is_held_at_each_frame():
         {"mass": 0.2, "pick": 1.0, "frame": "hook", "believed": True},
         {"mass": 0.7, "pick": 1.0},
     ]
-    payloads, found = with_model_changes(payloads_of(tables), hover((0.0, 0.0, 1.0)), 10.0, 200)
-    assert not any(each.believed for each in payloads)
+    found = model_changes(payloads_of(tables)[:3], 2000, 200)
     told = [(each.at, each.path, each.value) for each in found]
     tip, hook = "model.payload.mass", "model.payload.hook.mass"
-    shorter = with_model_changes(payloads_of(tables), hover((0.0, 0.0, 1.0)), 2.5, 200)[1]
-    assert len(shorter) == 3, "changes after the end are left out"
+    assert len(model_changes(payloads_of(tables)[:3], 500, 200)) == 3, "changes after the end are left out"
     assert told == [(1.0, tip, 0.3), (1.0, hook, 0.2), (2.0, tip, pytest.approx(0.4)), (3.0, tip, 0.1)]
+
+
+def with_parcel(**numbers):
+    """Scenario of 1 s whose model has a payload at the tip."""
+    parcel = {"name": "parcel", "mass": 0.1, "pick": 0.2, "drop": 0.6, "believed": True} | numbers
+    document = {
+        "name": "x", "duration": 1.0, "plant": {"vehicle": "hummingbird_arm2_rotors"},
+        "controller": {"preset": "centroidal_tip"}, "payloads": [parcel],
+        "reference": {"base": {"kind": "hover", "position": [0.0, 0.0, 1.0]}},
+    }  # fmt: skip
+    return scenario_from(document)
+
+
+def test_the_model_has_a_payload_of_replaced_numbers():
+    changed = with_numbers(with_parcel(), {"payloads.parcel.mass": 0.2, "payloads.parcel.pick": 0.3})
+    twin = with_parcel(mass=0.2, pick=0.3)
+    for one in (changed, twin):
+        begun = one.agent.model.vehicle.mass
+        held = [(each.start, each.overrides.of(one).agent.model.vehicle.mass - begun) for each in stretches(one)]
+        assert held == [(0, 0.0), (60, pytest.approx(0.2)), (120, 0.0)]
+        assert not one.changes
+    assert scheduled_changes(changed) == scheduled_changes(twin)
+    later = dataclasses.replace(twin, duration=0.5)
+    assert [each.at for each in scheduled_changes(later)] == [0.3], "changes after the end are left out"
+
+
+def test_a_batch_varies_the_mass_of_a_payload_in_the_model():
+    begun = dataclasses.replace(with_parcel(pick=0.05, drop=0.1), duration=0.15)
+    masses = np.array([0.05, 0.2])
+    batch = Batch(begun, ["payloads.parcel.mass"], bit_exact=True, log_every=1)
+    found = batch.fly({"payloads.parcel.mass": masses}).agents["main"].log
+    for lane, mass in enumerate(masses):
+        twin = with_parcel(mass=float(mass), pick=0.05, drop=0.1)
+        alone = skyarm.run(dataclasses.replace(twin, duration=0.15))
+        np.testing.assert_array_equal(found.state.position.z[lane], alone.position[:, 2])
+    with pytest.raises(
+        skyarm.ScenarioError, match=r"^path = 'payloads\.parcel\.pick': must not vary in a batch, whose"
+    ):
+        Batch(begun, ["payloads.parcel.pick"])
 
 
 def test_kinds_have_their_own_numbers():
@@ -127,3 +169,21 @@ def test_two_payloads_of_one_name_are_one_line():
     }  # fmt: skip
     with pytest.raises(ValueError, match=r"^payloads\[0\]\.name = 'a': must be of one payload only$"):
         scenario_from(document, "test")
+
+
+@pytest.mark.parametrize(("root", "frame"), [("plant", {}), ("plant", {"frame": "tip"}), ("model", {})])
+def test_a_load_that_comes_in_flight_beside_a_stated_one_is_said(root, frame):
+    vehicle, path = {"vehicle": "hummingbird_arm2_rotors"}, f"{root}.payload.mass"
+    document = {
+        "name": "x", "duration": 1.0, "plant": vehicle, "model": vehicle, "controller": {"preset": "centroidal_joint"},
+        "reference": {"base": {"kind": "hover", "position": [0.0, 0.0, 1.0]}},
+        "changes": [{"at": 0.5, "path": path, "value": 0.1}],
+    }  # fmt: skip
+    alone = scenario_from(document)  # and no warning
+    heavy = {root: vehicle | {"payload": {"mass": 0.3, **frame}}}
+    with pytest.warns(TwoLoadsWarning, match=rf"^{path}: is a load beside {root}\.payload\.mass = 0\.3, which it"):
+        both = scenario_from(document | heavy)
+    for scenario, held in ((alone, 0.1), (both, 0.4)):
+        agent = stretches(scenario)[1].overrides.of(scenario).agent
+        carrier = agent.vehicle if root == "plant" else agent.model.vehicle
+        assert carrier.mass - skyarm.load_vehicle("hummingbird_arm2_rotors").mass == pytest.approx(held)

@@ -22,6 +22,7 @@ from skyarm.records.words import slots
 from skyarm.scenario import scenario_checks
 from skyarm.scenario.numbers import number_at, with_numbers
 from skyarm.scenario.scenario_checks import RULES, SHARED_RULES, Rule, check_scenario, read_places
+from skyarm.scenario.scenario_file import TwoLoadsWarning
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.scenario.without_effect import WithoutEffectWarning
 from skyarm.simulate import batch
@@ -55,7 +56,8 @@ OPENED = {
 @cache
 def scenario(name: str) -> Scenario:
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", WithoutEffectWarning)  # of the rich one
+        warnings.simplefilter("ignore", WithoutEffectWarning)  # of the rich one, as the next
+        warnings.simplefilter("ignore", TwoLoadsWarning)
         return skyarm.load_scenario(ROOT / name if name.endswith(".toml") else name)
 
 

@@ -10,8 +10,10 @@ import pytest
 
 import skyarm
 from skyarm.reference import Trajectory
+from skyarm.reference.signals import Constant
 from skyarm.reference.task_records import Guard
-from skyarm.scenario.payload_tables import with_model_changes
+from skyarm.scenario.payload_tables import scheduled_changes
+from skyarm.scenario.scenario_record import with_words
 from skyarm.simulate.reference_clock import Waits
 from skyarm.world import TimedPayload
 from support.cases import sampled
@@ -61,7 +63,7 @@ def test_a_guard_moves_the_instants_of_payloads_and_what_the_law_is_told():
     taken = log.time[np.flatnonzero(log.payload_mass[:, 0])[0]]
     assert taken == pytest.approx(box.pick + 0.5, abs=5e-3)
     # the law's belief follows: a law that was told at the planned instant, or never, sends other commands
-    assert not planned.changes
+    assert not scheduled_changes(planned)
     assert box.believed
     for time, held in ((box.pick - 1e-3, 0.0), (box.pick, 0.02), (1.9, 0.02), (2.0, 0.0)):
         told = Waits(dataclasses.replace(planned, payloads=(dataclasses.replace(box, drop=2.0),)))
@@ -76,13 +78,14 @@ def test_a_guard_moves_the_instants_of_payloads_and_what_the_law_is_told():
 
 def test_only_a_payload_of_the_task_is_told_by_the_task():
     box, bag = (TimedPayload(name=name, mass=0.1, pick=1.0) for name in ("box", "bag"))
-    trajectory = Trajectory(guards=(Guard(at=1.0, error=0.1, loads=("box",)),))
+    waiting = Trajectory(joints=(Constant(0.0),) * 2, guards=(Guard(at=1.0, error=0.1, loads=("box",)),))
     believed = tuple(dataclasses.replace(each, believed=True) for each in (box, bag))
-    payloads, changes = with_model_changes((*believed, box), trajectory, 10.0, 200)
-    assert [each.believed for each in payloads] == [True, False, False]
-    assert [(each.at, each.value) for each in changes] == [(1.0, 0.1)]
-    payloads, changes = with_model_changes(believed[:1], Trajectory(), 10.0, 200)
-    assert (payloads, len(changes)) == ((box,), 1)
+    planned = skyarm.load_scenario("case1")
+    flown = with_words(planned, reference=waiting, payloads=believed)
+    assert flown.agent.modelled_payloads == believed[1:]
+    assert [each.believed for each in flown.as_begun.payloads] == [True, False]
+    assert [(each.at, each.value) for each in scheduled_changes(flown)] == [(1.0, 0.1)]
+    assert len(scheduled_changes(with_words(planned, payloads=believed[:1]))) == 1
 
 
 @pytest.mark.parametrize(

@@ -13,6 +13,7 @@ from skyarm.cli.output import bar, give, plain, plugin_facts, tell, tell_report,
 from skyarm.control.safety import with_safety_layer
 from skyarm.control.safety.safety_layer import SafetyParameters
 from skyarm.records.files import output_file, taken_back, write_atomically
+from skyarm.scenario.payload_tables import scheduled_changes
 from skyarm.scenario.scenario_file import load_scenario
 from skyarm.scenario.scenario_record import Scenario as Record
 
@@ -58,7 +59,7 @@ def margins(
         tell("the law's slow adaptation of load and friction is held")
     if examined.left_out:
         tell(f"disturbances are left out: {', '.join(examined.left_out)}")
-    if planned.changes:
+    if scheduled_changes(planned):
         tell("changes in flight are left out: these are the margins of the scenario as it begins")
     if not examined.completed:
         tell("the flight ended before its time: no instants beyond")

@@ -15,7 +15,7 @@ from skyarm.control.blocks.filters import double_pole, low_pass_share
 from skyarm.control.controller import Controller, ControllerError, Law, innermost, with_innermost
 from skyarm.control.law_checks import check_controller, checked_law, wrong
 from skyarm.control.model import LayerParameters, Model
-from skyarm.control.vectored_layer import VectoredMemory, angles_seen, pairs_model, turns_rotors, with_leads
+from skyarm.control.vectored_layer import VectoredMemory, angles_seen, law_inside, pairs_model, turns_rotors, with_leads
 from skyarm.dynamics.actuators import Command, joint_force, make_mixer
 from skyarm.dynamics.actuators.drive import TORQUE_DRIVE, Drive
 from skyarm.dynamics.actuators.rotor import push, speed_of_push
@@ -212,6 +212,7 @@ def with_consequences(controller: Controller, changed: Collection[Place], contro
         mixer = make_mixer(allocated.vehicle, old.policy, bool(old.across), old.yaw_slack)
         par = replace(par, mixer=mixer)
         controller = replace(controller, par=par if any("lead" in place for place in changed) else with_leads(par))
+    controller = _with_layers_refitted(controller, changed)
     own = innermost(controller.par)
     if any(place[0] in ("base", "links") for place in inside) and hasattr(own, "refit"):
         constants, begun = own.refit(innermost(memory), par.model, control_period)
@@ -222,6 +223,29 @@ def with_consequences(controller: Controller, changed: Collection[Place], contro
         drives = _first_memories(believed_drives(par.model), control_period)
         controller = replace(controller, memory=replace(memory, drives=drives))
     return controller
+
+
+def _with_layers_refitted(controller: Controller, changed: Collection[Place]) -> Controller:
+    """Controller whose layers follow changed constants of the law inside, outside of the model.
+
+    A layer whose constants follow from its law has a method ``refit_to(law, changed)``.
+    """
+    par, places = controller.par, [place[1:] for place in changed if place[:1] == ("par",)]
+    if not is_record(getattr(par, "inner", None)) or not any(place[0] in ("inner", "limits") for place in places):
+        return controller
+    inside = _with_layers_refitted(law_inside(controller), [("par", *p[1:]) for p in places if p[0] == "inner"])
+    par = replace(par, inner=replace(inside.par, model=None, mixer=None))
+    return replace(controller, par=par.refit_to(inside, places) if hasattr(par, "refit_to") else par)
+
+
+def measured_places(controller: Controller) -> tuple[Place, ...]:
+    """Places, in a controller, of the constants of its layers that are measured on the law inside."""
+    par, places = controller.par, list[Place]()
+    at: Place = ("par",)
+    while is_record(getattr(par, "inner", None)):
+        places += [(*at, *place) for place in getattr(par, "measured_limits", ())]
+        par, at = par.inner, (*at, "inner")
+    return tuple(places)
 
 
 def believed_drives(model: Model) -> tuple[Drive, ...]:

@@ -94,8 +94,8 @@ class VectoredMemory:
 
 
 def law_inside(controller: Controller) -> Controller:
-    """Controller inside the allocation to tilting rotors, which sees a pair of fixed rotors in each of them."""
-    layer: Any = controller.law
+    """Controller inside a layer: inside the allocation to tilting rotors it has a pair of fixed rotors for each."""
+    layer: Any = getattr(controller.law, "keywords", {}).get("law", controller.law)  # without the check of its results
     inner, memory = layer.keywords["inner"], controller.memory.inner
     return replace(controller, law=inner, par=controller.par.own, memory=memory)
 

@@ -15,6 +15,7 @@ from skyarm.envs.reward_terms import REWARDS, USUAL_REWARD, RewardTerm
 from skyarm.records.files import PathLike, must_be_one_of, shown
 from skyarm.records.files.toml import Entry
 from skyarm.records.immutable import immutable
+from skyarm.scenario.payload_tables import scheduled_changes
 from skyarm.scenario.scenario_checks import require_flight
 from skyarm.scenario.scenario_file import load_scenario
 from skyarm.scenario.scenario_record import Scenario, ScenarioError
@@ -113,7 +114,7 @@ def _scenario(given: Scenario | PathLike, controller: str | None, duration: floa
         flown = load_scenario(given, controller=controller, duration=duration)
     require_flight(flown.alone("an environment"))
     require_rigid_body(flown)
-    if flown.changes:
+    if scheduled_changes(flown):
         raise ScenarioError("changes: must be left out of an environment; randomise varies its numbers")
     if flown.agent.reference.guards:
         raise ScenarioError("reference: phases that wait (until) must be left out of an environment")

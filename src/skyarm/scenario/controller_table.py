@@ -54,15 +54,17 @@ from skyarm.records.registry.registrations import LOADED_BY
 from skyarm.records.units import NUMBER, Unit, declared_units
 from skyarm.records.words import words_of_fields
 from skyarm.scenario.scenario_record import Delays, Rates, Scenario
+from skyarm.sensing.estimate.estimator import PASS_THROUGH, Estimator
 from skyarm.vehicle import Vehicle
 
-MEASURED = ("stiffness", "damping")
-"""Limits of the safety layer that are measured on the wrapped law if left out."""
 
+def loop_facts(rates: Rates, delays: Delays, estimator: Estimator = PASS_THROUGH) -> dict[str, float]:
+    """Timing data for building a control law: control period, reference period and measurement delay, s.
 
-def loop_facts(rates: Rates, delays: Delays) -> dict[str, float]:
-    """Timing data for building a control law: control period, reference period and measurement delay, s."""
-    return _timing(1.0 / rates.control, 1.0 / rates.reference, delays.measurement)
+    An estimator that does not read the full state gives the law the present, whatever the age of that.
+    """
+    age = delays.measurement if estimator.reads_state else 0.0
+    return _timing(1.0 / rates.control, 1.0 / rates.reference, age)
 
 
 def _timing(control_period: float, reference_period: float, delay: float) -> dict[str, float]:
@@ -138,7 +140,9 @@ def controller_by_name(scenario: Scenario, name: str) -> Controller:
         AllocationError: the model's rotors do not span torque and thrust.
     """
     before = scenario.agent.controller.par
-    made = make_named_or_tuned(name, plain_model(before.model), loop_facts(scenario.rates, scenario.agent.delays))
+    own = scenario.agent
+    facts = loop_facts(scenario.rates, own.delays, own.estimator)
+    made = make_named_or_tuned(name, plain_model(before.model), facts)
     if not isinstance(before, ActuatorParameters):
         return _with_safety_of(before, made, scenario)
     inner, servos = before.own, bool(scenario.agent.controller.memory.drives)
@@ -162,7 +166,8 @@ def _with_safety_of(before: Any, made: Controller, scenario: Scenario) -> Contro
     from skyarm.control.safety import with_safety_layer
     from skyarm.control.safety.limits import usual_joint_errors
 
-    limits = {field: value for field, value in parts(before.limits).items() if field not in MEASURED}
+    measured = [name for _, name in before.measured_limits]
+    limits = {field: value for field, value in parts(before.limits).items() if field not in measured}
     usual = usual_joint_errors(before.model.vehicle, keeps_tip=scenario.agent.controller.keeps_tip)
     if limits["trusted_joint_error"] == usual:
         # usual for the law before; one that keeps the tip loses its joints by more, and one that tracks them by less

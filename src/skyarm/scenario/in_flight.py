@@ -14,7 +14,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from functools import cache
 
-from skyarm.control.actuator_layer import believed_drives
+from skyarm.control.actuator_layer import believed_drives, measured_places
 from skyarm.control.controller import autopilot_of
 from skyarm.dynamics.actuators import AllocationError
 from skyarm.records.files import did_you_mean, errors_as, shown
@@ -33,11 +33,13 @@ from skyarm.scenario.paths import (
     delay_words,
     errors_of_agent,
     is_below,
+    path_of,
     place_of_delay,
     prefix_of,
     roots,
     variable_words,
 )
+from skyarm.scenario.payload_tables import require_events_as_begun, scheduled_changes
 from skyarm.scenario.readers import LAW
 from skyarm.scenario.scenario_checks import check_scenario
 from skyarm.scenario.scenario_record import Change, Scenario, ScenarioError, in_order
@@ -90,8 +92,11 @@ def _fields_of_part(scenario: Scenario, path: str, value: object) -> dict[Place,
             raise ValueError(f"{path} = {shown(value)}: {fixed}; replace reference as a whole")
         entry = path.removeprefix(f"{slot.path}.")
         trajectory = trajectory_from({entry: value}, scenario.agent.vehicle.n, "reference", document.setting)
+        require_events_as_begun(scenario, document.setting.events)
         return {(*slot.field, name): getattr(trajectory, name) for name in dict(slot.word.entries)[entry]}
-    return document.planned_fields()
+    fields = document.planned_fields()
+    require_events_as_begun(scenario, document.setting.events)
+    return fields
 
 
 @positional
@@ -127,11 +132,25 @@ class Overrides:
             if not self.holds(parts, path):
                 with suppress(ScenarioError):
                     numbers[path] = number_at(parts, path)
+        numbers |= self._measured_limits(scenario, numbers)
         if sum(is_added(parts, path) for path in numbers) <= 1:  # loads add up, and sums depend on their order
             with suppress(ScenarioError):
                 require_apart(parts, tuple(numbers))
                 numbers = dict(sorted(numbers.items()))
         return Overrides(self.parts, tuple(numbers.items()))
+
+    def _measured_limits(self, scenario: Scenario, numbers: Mapping[str, float]) -> dict[str, float]:
+        """Limits of safety layers, by path, that follow from gains among the numbers; traced code measures none."""
+        gains = [path for path in numbers if is_below(word_of(path), "controller.inner")]
+        if not gains:
+            return {}
+        changed = Overrides(self.parts, tuple(numbers.items())).of(scenario)
+        return {
+            path: number_at(changed, path)
+            for name, agent in changed.agents.items()
+            if any(prefix_of(changed, name) in (path.removesuffix(word_of(path)), "") for path in gains)
+            for path in measured_paths(changed, name)
+        }
 
     def holds(self, scenario: Scenario, path: str) -> bool:
         """True if the parameter at a path is overridden, also under another name, as faults.0 for faults.front."""
@@ -158,6 +177,13 @@ class Overrides:
     def of(self, scenario: Scenario) -> Scenario:
         """Scenario with all overrides applied and without scheduled changes."""
         return with_numbers(self.parts_of(scenario), dict(self.numbers))
+
+
+def measured_paths(scenario: Scenario, name: str) -> tuple[str, ...]:
+    """Paths of the limits of a vehicle's safety layer that are measured on the law inside."""
+    one = scenario.of(name)
+    places = (("agent", "controller", *place) for place in measured_places(one.agent.controller))
+    return tuple(prefix_of(scenario, name) + path_of(one, place) for place in places)
 
 
 NONE = Overrides()
@@ -194,7 +220,7 @@ def stretches(scenario: Scenario) -> tuple[Stretch, ...]:
     Changes after the end of the flight are ignored.
     """
     rate, intervals = scenario.rates.control, [Stretch(0, Overrides())]
-    for change in in_order(scenario.changes, rate):
+    for change in in_order(scheduled_changes(scenario), rate):
         tick = change.tick(rate)
         if tick >= scenario.steps:
             break
@@ -221,7 +247,7 @@ def overrides_at(scenario: Scenario, tick: int) -> Overrides:
 def sources(scenario: Scenario, tick: int) -> dict[str, int]:
     """For each parameter changed up to a control period: index of the scheduled change that set it."""
     rate, numbers = scenario.rates.control, dict(overrides_at(scenario, tick).numbers)
-    made = sorted((change.tick(rate), i, change.path) for i, change in enumerate(scenario.changes))
+    made = sorted((change.tick(rate), i, change.path) for i, change in enumerate(scheduled_changes(scenario)))
     return {path: i for at, i, path in made if at <= tick and path in numbers}
 
 
@@ -239,9 +265,8 @@ def require_changes(scenario: Scenario) -> None:
     Raises:
         ScenarioError: one line with the change, its path or its value, and what is allowed.
     """
-    _try_in_order(
-        scenario, NONE.parts_of(scenario), NONE, [(f"changes[{i}]", c) for i, c in enumerate(scenario.changes)]
-    )
+    if changes := [(f"changes[{i}]", each) for i, each in enumerate(scheduled_changes(scenario))]:
+        _try_in_order(scenario, NONE.parts_of(scenario), NONE, changes)
 
 
 def try_coming(begun: Scenario, now: Scenario, overrides: Overrides, coming: Sequence[Change]) -> None:

@@ -16,8 +16,8 @@ Some numbers are not a field of any record:
 * ``initial.roll``, ``.pitch``, ``.yaw``: ZYX angles (rad) in place of the quaternion, whose components are scaled to
   unit length together once one of them is replaced.
 
-A state that a scenario sets stays as it is, whatever else changes. A *sequence* of the file is the sum of its first
-value and its ramps, and varies as those: ``reference.joints.0.1.height``.
+What a scenario states of its initial state stays as it is, whatever else changes; the rest is hover trim. A *sequence*
+of the file is the sum of its first value and its ramps, and varies as those: ``reference.joints.0.1.height``.
 """
 
 from __future__ import annotations
@@ -32,12 +32,12 @@ from skyarm.dynamics import State
 from skyarm.records import coerce
 from skyarm.records.field_rules import accept_scalar
 from skyarm.records.files import errors_as, shown
-from skyarm.records.leaves import Place, Record, part, replace_at
+from skyarm.records.leaves import Place, Record, field_names, part, replace_at
 from skyarm.records.path_names import Viewed, agent_of, word_of
 from skyarm.records.units import OF_SIGNAL, Unit, units
 from skyarm.scenario.paths import Target, alone, by_agent, errors_of_agent, places_of, target_of
 from skyarm.scenario.scenario_checks import check_scenario
-from skyarm.scenario.scenario_record import Scenario, ScenarioError, first_state, trimmed_state
+from skyarm.scenario.scenario_record import PartialState, Scenario, ScenarioError, first_state
 
 INITIAL: Place = ("agent", "initial")
 
@@ -102,7 +102,7 @@ def is_computed(scenario: Scenario, path: str) -> bool:
 
 def _with_initial_state(scenario: Scenario, paths: Iterable[str]) -> Scenario:
     """Scenario with an explicit initial state if a path leads into it: the stated one, else hover trim."""
-    if scenario.agent.initial is not None or not any(path.startswith("initial.") for path in paths):
+    if not any(path.startswith("initial.") for path in paths):
         return scenario
     return scenario.with_initial(first_state(scenario))
 
@@ -224,24 +224,26 @@ def _start_with(
     """
     inside = {place[len(INITIAL) :]: value for place, value in fields.items()}
     joints = {int(place[1]): value for place, value in inside.items() if place[0] == "joints"}
-    initial = changed.agent.initial
-    if (
-        initial is None
-        and changed.agent.plant is started.agent.plant
-        and changed.agent.reference is started.agent.reference
-        and not joints
-    ):
-        initial = started.agent.initial
-    if initial is None:
-        at = changed.agent.reference.at(0.0)
-        posture = tuple(joints.get(i, data(q)) for i, q in enumerate(at.joints))
-        trim = trimmed_state(changed.agent.plant, at.position, data(at.yaw), posture)
-        initial = first_state(changed.with_initial(trim))  # with plain numbers, as any initial state has them
+    initial, vehicle, left_out = changed.agent.initial, changed.agent.vehicle, tuple[str, ...]()
+    if initial is None or isinstance(initial, PartialState):
+        left_out = tuple(field_names(State) or ()) if initial is None else initial.left_out
+        if (
+            changed.agent.plant is not started.agent.plant
+            or changed.agent.reference is not started.agent.reference
+            or joints
+        ):
+            at = first_state(changed)
+            posture = replace(at, joints=tuple(joints.get(i, data(q)) for i, q in enumerate(at.joints)))
+            begun = PartialState.of(posture, [name for name in left_out if name != "joints"], vehicle)
+            changed = changed.with_initial(begun)
+        # with plain numbers, as any initial state has them
+        initial = first_state(changed.with_initial(first_state(changed)))
     state = _replace_numbers(initial, inside, {(): angles} if angles else {})
-    if angles or not any(place[0] == "quaternion" for place in inside):
-        return state
-    q, length = state.quaternion, state.quaternion.norm()
-    return replace(state, quaternion=Quaternion(*(divide(c, length) for c in q)))
+    if not angles and any(place[0] == "quaternion" for place in inside):
+        q, length = state.quaternion, state.quaternion.norm()
+        state = replace(state, quaternion=Quaternion(*(divide(c, length) for c in q)))
+    touched = {place[0] for place in inside} | ({"quaternion"} if angles else set())
+    return PartialState.of(state, [name for name in left_out if name not in touched], vehicle)
 
 
 LEFT_OUT = ("environment", "vehicle", "body", "value", "par")

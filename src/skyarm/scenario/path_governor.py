@@ -121,7 +121,7 @@ def _reasons_against(scenario: Scenario, events: Sequence[TaskEvent]) -> Iterato
     for each in () if scenario.world is None else scenario.world.grippers:
         if each.closed.signal.switch_times():
             yield f"where gripper {each.name!r} closes or opens at an instant"
-    if scenario.agent.payloads and any(change.path.startswith("model.payload.") for change in scenario.changes):
+    if scenario.agent.payloads and scenario.agent.modelled_payloads:
         yield "where the law's model takes up payloads (believed = true)"
     if scenario.agent.reference.guards:
         yield "of a reference whose phases wait (until)"

@@ -155,7 +155,7 @@ def target_of(scenario: Scenario, path: str) -> Target:
             raise ScenarioError(f"path = {path!r}: {slot.path} is structure, {OF_STUDIES}")
         if slot.type is Scalar and path == slot.path:
             return Target((slot.place,))
-    if path.startswith("reference.") and scenario.agent.path_time is not None:
+    if path.startswith(("reference.", "model.")) and scenario.agent.path_time is not None:
         raise ScenarioError(f"path = {path!r}: {PLANNED}; make a scenario of each (skyarm.govern)")
     if path.startswith("changes.") and not path.endswith(".value"):
         raise ScenarioError(f"path = {path!r}: must be changes.NUMBER.value; when a change comes is structure")

@@ -22,16 +22,17 @@ The model of the law takes a point mass at the frame, by changes of ``model.payl
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
+from skyarm.algebra import Scalar
 from skyarm.records.files import did_you_mean, shown
 from skyarm.records.leaves import Tree, replace_at
-from skyarm.reference import Trajectory
 from skyarm.reference.signals import Constant, Sum, Windowed
 from skyarm.reference.task_records import TaskEvent
-from skyarm.scenario.scenario_record import Change
+from skyarm.scenario.paths import prefix_of
+from skyarm.scenario.scenario_record import Change, Scenario
 from skyarm.world import Component, TimedPayload
 
 if TYPE_CHECKING:
@@ -41,34 +42,40 @@ FIELD = {"pick": "pick", "place": "drop"}
 """Kind of a task phase -> field of the payload that it sets."""
 
 
-def with_model_changes(
-    payloads: Sequence[TimedPayload], trajectory: Trajectory, duration: float, rate: int
-) -> tuple[tuple[TimedPayload, ...], tuple[Change, ...]]:
-    """Payloads, and scheduled changes by which the payload mass of the law's model follows known payloads.
+SAME = 1e-6
+"""Share of a control period within which two instants are the same."""
 
-    Those of waiting phases, whose instants are unknown, keep ``believed``: the loop follows them.
+
+def scheduled_changes(scenario: Scenario) -> tuple[Change, ...]:
+    """All changes in a flight: those that the scenario states, then those of models that have payloads.
+
+    Changes of models follow from the payloads as they are, so that a mass or an instant may be replaced.
+    """
+    derived = (
+        replace(change, path=prefix_of(scenario, name) + change.path)
+        for name, agent in scenario.agents.items()
+        for change in model_changes(agent.modelled_payloads, scenario.steps, scenario.rates.control)
+    )
+    return (*scenario.changes, *derived)
+
+
+def model_changes(payloads: Sequence[TimedPayload], steps: int, rate: int) -> tuple[Change, ...]:
+    """Scheduled changes by which the payload mass of a law's model follows payloads.
 
     Args:
-        payloads: payloads of the flight.
-        trajectory: reference with its waiting phases.
-        duration: duration of the flight, s; changes after its end are left out.
+        payloads: payloads that the model has from pick to drop; masses may be lanes of a batch.
+        steps: control periods of the flight; changes after its end are left out.
         rate: control rate, Hz.
     """
-    waiting = {name for guard in trajectory.guards for name in guard.loads}
-    believed = [each for each in payloads if each.believed and each.name not in waiting]
-    mass_changes: list[Change] = []
-    for frame in dict.fromkeys(payload.frame for payload in believed):
-        here = [payload for payload in believed if payload.frame == frame]
+    changes: list[Change] = []
+    for frame in dict.fromkeys(payload.frame for payload in payloads):
+        here = [payload for payload in payloads if payload.frame == frame]
         path = f"model.payload.{frame}.mass" if frame else "model.payload.mass"
         instants = sorted({float(t) for each in here for t in (each.pick, each.drop) if math.isfinite(t)})
         for t in instants:
-            mass = math.fsum(float(each.mass) for each in here if each.pick <= t < each.drop)
-            mass_changes.append(Change(at=t, path=path, value=mass))
-    steps = duration * rate  # of an absurd duration, which is refused later, infinity
-    last = round(steps) if math.isfinite(steps) else steps
-    changes = sorted((each for each in mass_changes if each.tick(rate) < last), key=lambda change: change.at)
-    marked = (replace(each, believed=False) if each in believed else each for each in payloads)
-    return tuple(marked), tuple(changes)
+            mass: Scalar = sum((each.mass for each in here if each.pick <= t < each.drop), 0.0)
+            changes.append(Change(at=t, path=path, value=mass))
+    return tuple(sorted((each for each in changes if each.tick(rate) < steps), key=lambda change: change.at))
 
 
 def _whole_period(time: float, rate: float) -> float:
@@ -97,9 +104,7 @@ def with_instants(tables: object, events: Sequence[TaskEvent], control_rate: flo
     seen: dict[tuple[str, str], str] = {}
     for event in events:
         at = f"{event.where}.payload = {shown(event.payload)}"
-        if event.payload not in named:
-            near, there = did_you_mean(event.payload, named), ", ".join(named) or "none"
-            raise ValueError(f"{at}: {near}must be the name of one of [[payloads]]; there are {there}")
+        _require_payload(event, named)
         table, field, same = filled[named[event.payload]], FIELD[event.kind], (event.payload, event.kind)
         if same in seen:
             raise ValueError(f"{at}: must be the name of another payload: {seen[same]} {event.kind}s it already")
@@ -111,6 +116,47 @@ def with_instants(tables: object, events: Sequence[TaskEvent], control_rate: flo
             raise ValueError(f"{own}: must be left out, {event.where} says when")
         table[field] = _whole_period(event.time, control_rate)
     return filled
+
+
+def require_events_as_begun(scenario: Scenario, events: Sequence[TaskEvent]) -> None:
+    """Raise an error if a task that comes in flight picks or places otherwise than the flight began.
+
+    Instants of payloads and commands of grippers are fixed for a flight.
+
+    Args:
+        scenario: flight of the vehicle whose task it is.
+        events: events of the task's phases.
+
+    Raises:
+        ValueError: one line: a payload or gripper that is not there, or that has another instant.
+    """
+    named, rate = {each.name: each for each in scenario.agent.payloads}, scenario.rates.control
+    as_begun = "as the flight began, or be left out of a change"
+    for event in (each for each in events if not each.gripper):
+        _require_payload(event, named)
+        field, time = FIELD[event.kind], _whole_period(event.time, rate)
+        if abs(getattr(named[event.payload], field) - time) * rate > SAME:
+            own = f"{event.where}.payload = {shown(event.payload)}: {event.kind}s it at {time:g} s"
+            raise ValueError(f"{own}, must do so at {getattr(named[event.payload], field):g} s {as_begun}")
+    commands = [each for each in events if each.gripper]
+    if not commands:
+        return
+    names, agent = {each.gripper for each in commands}, next(iter(scenario.agents)) if scenario.others else ""
+    grippers = scenario.world.grippers if scenario.world is not None else ()
+    free = (replace(each, closed=type(each.closed)()) if each.name in names else each for each in grippers)
+    bare: Any = scenario.world if scenario.world is None else replace_at(scenario.world, {("grippers",): tuple(free)})
+    commanded: Any = with_commands(bare, commands, rate, agent)
+    if commanded.grippers != grippers:
+        at = f"{commands[0].where}.gripper = {shown(commands[0].gripper)}"
+        raise ValueError(f"{at}: must close and open {as_begun}")
+
+
+def _require_payload(event: TaskEvent, named: Collection[str]) -> None:
+    """Raise an error unless a phase names a payload that there is."""
+    if event.payload not in named:
+        near, there = did_you_mean(event.payload, named), ", ".join(named) or "none"
+        at = f"{event.where}.payload = {shown(event.payload)}"
+        raise ValueError(f"{at}: {near}must be the name of one of [[payloads]]; there are {there}")
 
 
 def with_commands(

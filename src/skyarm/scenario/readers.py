@@ -23,12 +23,13 @@ from skyarm.records.files import Fields, errors_as, filled_text, must_be_one_of,
 from skyarm.records.files.fields import list_of_tables
 from skyarm.records.files.messages import comma_list, did_you_mean
 from skyarm.records.files.toml import Entry
-from skyarm.records.leaves import Place, Tree, replace_at
+from skyarm.records.leaves import Place, Tree, field_names, replace_at
 from skyarm.records.path_names import AGENTS
 from skyarm.records.read_table import record_from, registered_from, registered_values
 from skyarm.records.registry.plugins import is_law_of_file, known_names
 from skyarm.records.registry.registrations import LOADED_BY
 from skyarm.records.units import units
+from skyarm.records.words import words_of_fields
 from skyarm.reference import Trajectory
 from skyarm.reference.object_motion import motion_of_object
 from skyarm.reference.reference_tables import reference_from
@@ -38,7 +39,7 @@ from skyarm.scenario.controller_table import controller_by_name, controller_from
 from skyarm.scenario.numbers import INITIAL
 from skyarm.scenario.payload_tables import with_commands, with_instants
 from skyarm.scenario.scenario_checks import begin, check_quaternion, check_scenario
-from skyarm.scenario.scenario_record import Change, Scenario, trimmed_state
+from skyarm.scenario.scenario_record import Change, PartialState, Scenario, trimmed_state
 from skyarm.vehicle import Joint, Vehicle
 from skyarm.vehicle.linkage import JOINT_NUMBERS
 from skyarm.vehicle.vehicle_files import list_vehicles, load_vehicle
@@ -150,7 +151,7 @@ def _vehicle_and_gravity(fields: Fields, reading: ScenarioWords, beside: Sequenc
 def controller(entry: object, path: str, reading: ScenarioWords) -> Controller:
     """Read [controller]: a control law for the model, with its safety and actuator layers."""
     fields, believed = Fields(entry, path), reading.word("model")
-    facts = loop_facts(reading.word("rates"), reading.word("delays"))
+    facts = loop_facts(reading.word("rates"), reading.word("delays"), reading.word("estimator"))
     return controller_from(fields, believed, reading.law, facts, reading.folder)
 
 
@@ -269,11 +270,16 @@ def with_other_paths(tables: Mapping[str, Entry], other: Callable[[str], str]) -
 
 
 def changes(entry: object, path: str, reading: ScenarioWords) -> tuple[Change, ...]:
-    """Read [[changes]] of a scenario file, with sample files read in and paths of gains files made absolute."""
+    """Read [[changes]] of a scenario file, with sample files read in and paths of other files made absolute."""
     read = [record_from(Change, table) for table in list_of_tables(entry, path)]
+
+    def absolute(_: str, file: str, __: str) -> str:
+        return str((reading.folder / file).absolute())  # a change is read again wherever it is flown
+
+    values = (_without_files(each.table, f"{path}[{i}].value", reading.folder) for i, each in enumerate(read))
     return tuple(
-        dataclasses.replace(each, value=_without_files(each.table, f"{path}[{i}].value", reading.folder))
-        for i, each in enumerate(read)
+        dataclasses.replace(each, value=_with_paths(value, path, absolute))
+        for each, value in zip(read, values, strict=True)
     )
 
 
@@ -429,6 +435,7 @@ def at_start(scenario: Scenario, initials: Mapping[str, tuple[object, str]]) -> 
 def initial_state(fields: Fields, scenario: Scenario) -> State:
     """Read [initial]: hover trim with given fields replaced, or a vehicle standing on a surface with rotors off."""
     stands = fields.flag("standing", False)
+    words, stated = words_of_fields(State), {*fields.table}
     start = scenario.agent.reference.at(0.0)
     joints = rules(State)["joints"](fields.at("joints"), fields.numbers("joints", [float(q) for q in start.joints]))
     n = scenario.agent.vehicle.n
@@ -454,7 +461,8 @@ def initial_state(fields: Fields, scenario: Scenario) -> State:
     )
     fields.done()
     if not stands:
-        return state
+        left_out = [name for name in field_names(State) or () if words.get(name, name) not in stated]
+        return PartialState.of(state, left_out, scenario.agent.vehicle)
     from skyarm.world.contact.static_equilibrium import stand_vehicle
 
     return stand_vehicle(scenario.agent.vehicle, float(scenario.agent.plant.gravity), scenario.worlds[0], state)

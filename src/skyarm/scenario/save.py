@@ -36,6 +36,7 @@ from skyarm.records.read_table import entry_of
 from skyarm.records.words import EACH, Slot, groups, slots
 from skyarm.scenario.controller_table import LAYERS, SUFFIX, is_gains_file
 from skyarm.scenario.document import LEFT_OUT, OF_AGENT_ALONE, slot_of
+from skyarm.scenario.in_flight import measured_paths
 from skyarm.scenario.numbers import with_numbers
 from skyarm.scenario.paths import path_of, place_in_agent, prefix_of
 from skyarm.scenario.readers import with_other_paths
@@ -156,6 +157,9 @@ def _tables_from(target: Scenario, stated: Tables, folder: PathLike) -> Tables:
     target = target.with_loads_of(read)
     loads = _added_loads(read, target)
     numbers = loads | _numbers(with_numbers(read, loads), target)
+    # what follows from the law inside a safety layer is measured again where the file is read
+    measured = {path for name in target.agents for path in measured_paths(target, name)}
+    numbers = {path: value for path, value in numbers.items() if path not in measured}
     written = tables | ({"numbers": numbers} if numbers else {})
     made = scenario_from(written, folder)
     if identity(made) != identity(target):
@@ -297,12 +301,9 @@ def _without_instants(entry: list[Tables], stated: list[Tables]) -> list[Tables]
 
 
 def _with_changes(tables: Tables, folder: PathLike, scenario: Scenario) -> Tables:
-    """Scenario-file tables with the scheduled changes of a scenario, except those that follow from its payloads."""
+    """Scenario-file tables with the scheduled changes of a scenario."""
     bare = {name: each for name, each in tables.items() if name != "changes"}
-    derived = scenario_from(bare, folder).changes
-    if _alike(derived, scenario.changes):
-        return bare
-    return bare | {"changes": entry_of(tuple(each for each in scenario.changes if each not in derived))}
+    return bare | ({"changes": entry_of(scenario.changes)} if scenario.changes else {})
 
 
 WITHOUT_ENTRY = ("plant", "model", "controller", "reference", "world", "team")

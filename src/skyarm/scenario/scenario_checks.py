@@ -156,11 +156,11 @@ def joints_can_be_compiled(scenario: Scenario) -> None:
         )
 
 
-@rule("initial", "plant.vehicle")
+@rule("initial", "plant.vehicle", "plant.gravity", "reference")
 def initial_state_is_possible(scenario: Scenario) -> None:
     """Check an initial state that is stated against the plant's joints, rotors and tilts."""
     if scenario.agent.initial is not None:
-        _check_initial(scenario.agent.initial, scenario.agent.vehicle)
+        _check_initial(first_state(scenario), scenario.agent.vehicle)
 
 
 @rule("rates", "delays", "duration", "plant.kind")

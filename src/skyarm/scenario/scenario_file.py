@@ -58,7 +58,7 @@ from skyarm.dynamics.actuators import AllocationError
 from skyarm.records.files import PathLike, errors_as, file_name, one_line, read_toml, shown, unreadable
 from skyarm.records.files.names import kind_of, names_in, read_named
 from skyarm.records.members import SOLE
-from skyarm.records.path_names import AGENTS, OF_AGENT, word_of
+from skyarm.records.path_names import AGENTS, agent_of, word_of
 from skyarm.records.registry import names
 from skyarm.scenario import readers
 from skyarm.scenario.controller_table import require_servos_said, under_law
@@ -66,11 +66,9 @@ from skyarm.scenario.document import Document, slot_of, words_of_agent
 from skyarm.scenario.in_flight import require_changes
 from skyarm.scenario.numbers import require_apart, with_numbers
 from skyarm.scenario.paths import OF_STUDIES, is_below
-from skyarm.scenario.payload_tables import with_model_changes
 from skyarm.scenario.scenario_checks import begin, check_scenario
 from skyarm.scenario.scenario_record import Agent, Change, Scenario, ScenarioError
 from skyarm.vehicle.vehicle_files import list_vehicles
-from skyarm.world import TimedPayload
 
 LIBRARY = resources.files("skyarm.scenario") / "library"
 
@@ -217,10 +215,8 @@ def _scenario_of(document: Document) -> Scenario:
         with each.errors_at():
             controller = each.stated_table("controller")
             require_servos_said(controller, each.word("plant").vehicle, each.word("model"))
-            payloads, more = _payloads_and_changes(each, name if len(members) > 1 else "")
-            fields = {place[-1]: value for place, value in each.fields(agent=True).items()}
-            agents[name] = Agent(**fields | {"payloads": payloads})
-        changes += more
+            each.word("payloads")  # and the reference, of whose faults the law's would distract
+            agents[name] = Agent(**{place[-1]: value for place, value in each.fields(agent=True).items()})
     shared = {place[-1]: value for place, value in document.fields(agent=False).items()}
     scenario = Scenario(**shared | {"agents": agents, "changes": tuple(changes)})
     check_scenario(scenario)
@@ -231,30 +227,39 @@ def _scenario_of(document: Document) -> Scenario:
     numbers, initial = document.table("numbers").table, slot_of("initial")
     if document.law is not None:  # gains of a law that does not fly, as changes of it are
         numbers = {path: value for path, value in numbers.items() if not is_below(word_of(path), "controller")}
+    for name, each in members.items():
+        _warn_of_two_loads(each, [word_of(c.path) for c in scenario.changes if agent_of(c.path) in ("", name)])
     initials = {name: (each.entry(initial), each.at("initial")) for name, each in members.items()}
     for name in members if members.keys() != {SOLE} else ():
         document.table(f"{AGENTS}.{name}").done(words_of_agent())
     top.done()
-    if scenario.changes:
-        require_changes(scenario)
+    require_changes(scenario)
     made = readers.at_start(scenario, initials)
-    planned = {name: each.plan_time(made.of(name)).agent for name, each in members.items()}
-    made = replace(made, agents=planned)
-    with errors_as(ScenarioError, "numbers: "):
-        return _with_stated_numbers(made, numbers) if numbers else made
+    if numbers:
+        with errors_as(ScenarioError, "numbers: "):
+            made = _with_stated_numbers(made, numbers)
+    return replace(made, agents={name: each.plan_time(made.of(name)).agent for name, each in members.items()})
 
 
-def _payloads_and_changes(document: Document, name: str) -> tuple[tuple[TimedPayload, ...], list[Change]]:
-    """Payloads of one agent, and scheduled changes by which its law's model follows known payloads.
+class TwoLoadsWarning(UserWarning):
+    """Warning about a payload of a vehicle's table to which a change in flight adds another."""
 
-    ``name`` is the agent's, or empty for the only one.
+
+def _warn_of_two_loads(document: Document, paths: Iterable[str]) -> None:
+    """Warn where a change of one vehicle sets a payload at a frame where [plant] or [model] states another.
+
+    Numbers by path may add to it on purpose: saved files have them.
     """
-    if not (payloads := document.word("payloads")):
-        return payloads, []
-    flight = document.word("reference"), document.word("duration"), document.word("rates").control
-    payloads, changes = with_model_changes(payloads, *flight)
-    before = f"{OF_AGENT}{name}." if name else ""
-    return payloads, [replace(each, path=before + each.path) for each in changes]
+    for path in dict.fromkeys(paths):
+        root, _, load = path.partition(".payload.")
+        if root not in ("plant", "model") or not load:
+            continue
+        stated = document.table(document.at(root)).table.get("payload", {})
+        tip, frame = document.word(root).vehicle.end_effector, load.rpartition(".")[0]
+        if stated.get("mass") and (stated.get("frame") or tip) == (frame or tip):
+            own = f"{document.at(root)}.payload.mass = {shown(stated['mass'])}"
+            words = f"{path}: is a load beside {own}, which it does not replace; set both by the path"
+            warnings.warn(words, TwoLoadsWarning, stacklevel=2)
 
 
 def _require_within(changes: Iterable[Change], steps: int, rate: int) -> None:

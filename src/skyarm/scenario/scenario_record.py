@@ -6,7 +6,7 @@ import dataclasses
 import functools
 import math
 import numbers
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING, Annotated, Any, TypedDict, TypeVar, Unpack, cast
 
@@ -17,6 +17,7 @@ from skyarm.control.model import Model
 from skyarm.dynamics import State
 from skyarm.dynamics.actuators.drive import TORQUE_DRIVE, Drive
 from skyarm.dynamics.actuators.hover import hover_trim
+from skyarm.dynamics.state import example_state
 from skyarm.log.metrics.windows import Windows
 from skyarm.plant.interface import Truth
 from skyarm.plant.largest_step import INTEGRATORS
@@ -25,14 +26,16 @@ from skyarm.records.coerce import RecordError, concrete
 from skyarm.records.field_rules import accept_fields, checked, defaults, require_fields
 from skyarm.records.files import did_you_mean, errors_as, must_be_one_of, number, shown
 from skyarm.records.files.names import ALLOWED, is_result_name
+from skyarm.records.files.toml import Entry
 from skyarm.records.immutable import UNWRITTEN, field_if_any, immutable
 from skyarm.records.leaves import field_names, parts
 from skyarm.records.members import SOLE, Members, members_of
 from skyarm.records.notebook import notebook_html
-from skyarm.records.path_names import agent_of, word_of
+from skyarm.records.path_names import Names, agent_of, word_of
+from skyarm.records.read_table import entry_of
 from skyarm.records.registry import registrations
 from skyarm.records.units import Unit, nonnegative, positive
-from skyarm.records.words import STRUCTURAL, Word, groups
+from skyarm.records.words import STRUCTURAL, Word, groups, words_of_fields
 from skyarm.reference import Trajectory
 from skyarm.reference.path_time import PathTime
 from skyarm.reference.planned_motion import PlannedBody
@@ -126,6 +129,43 @@ class Rates:
                 raise ScenarioError(
                     f"rates.{slow} = {getattr(self, slow)}: must divide rates.{fast} = {getattr(self, fast)}"
                 )
+
+
+@immutable
+class PartialState(State):
+    """Initial state of which some fields are left out: those of hover trim at the reference, of any vehicle.
+
+    Attributes:
+        left_out: names of these fields, which hold zeros here (:func:`first_state` completes them).
+    """
+
+    left_out: tuple[str, ...] = field_if_any(default=())
+
+    @staticmethod
+    def of(state: State, left_out: Collection[str], vehicle: Vehicle) -> State:
+        """Partial state with the fields of a complete one, but those left out; the complete one if none is."""
+        blank = leaves.parts(example_state(*vehicle.sizes))
+        lacking = tuple(name for name in blank if name in left_out and blank[name] != ())
+        fields = {name: blank[name] if name in lacking else getattr(state, name) for name in blank}
+        return PartialState(**fields, left_out=lacking) if lacking else State(**fields)
+
+    def path_names(self) -> Names:
+        """Parameter paths of a complete state."""
+        return {name: each for name, each in State.path_names(self).items() if name != "left_out"}
+
+    def completed(self, trim: State) -> State:
+        """State with the fields of hover trim where they are left out."""
+        own = {name: getattr(self, name) for name in leaves.parts(trim) if name not in self.left_out}
+        return replace(trim, **own)
+
+    def to_entry(self) -> dict[str, Entry]:
+        """Table [initial] of a scenario file: the stated fields."""
+        words = words_of_fields(State)
+        return {
+            words.get(name, name): entry_of(value)
+            for name, value in leaves.parts(self).items()
+            if name not in (*self.left_out, "left_out")
+        }
 
 
 QUEUED = Word(unless="longest_command")
@@ -388,7 +428,8 @@ class Agent:
         estimator: estimator from all readings to the measurement that the law receives.
         drives: drives of joints whose setpoint is not the torque.
         delays: dead times of the loop.
-        initial: state at t = 0; None is hover trim of the truth at the reference, as far as its rotors can turn.
+        initial: state at t = 0; None, or what it leaves out, is hover trim of the truth at the reference, as far as its
+            rotors can turn.
         faults: losses of single actuators.
         payloads: loads that are picked up and set down in flight.
     """
@@ -488,6 +529,15 @@ class Agent:
         return ((FULL_STATE, self.noise), *((each.name, each.sensor) for each in self.sensors))
 
     @property
+    def modelled_payloads(self) -> tuple[TimedPayload, ...]:
+        """Payloads that the law's model has from pick to drop, apart from those that waiting phases pick.
+
+        The loop adds the latter to the model, since their instants are unknown before the flight.
+        """
+        waiting = {name for guard in self.reference.guards for name in guard.loads}
+        return tuple(each for each in self.payloads if each.believed and each.name not in waiting)
+
+    @property
     def joint_drives(self) -> tuple[JointDrive, ...]:
         """Drives of joints by joint name: those of the scenario, and those of the vehicle for other joints."""
         named = [each.joint for each in self.drives]
@@ -513,6 +563,13 @@ class Agent:
             *((f"payloads[{i}]", each) for i, each in enumerate(self.payloads)),
             *(("plant.vehicle.battery", each) for each in self.power),
         )
+
+
+def _with_steady_model(agent: Agent) -> Agent:
+    """Agent whose law's model takes up no payload at a known instant."""
+    names = [each.name for each in agent.modelled_payloads]
+    kept = (replace(each, believed=each.believed and each.name not in names) for each in agent.payloads)
+    return replace(agent, payloads=tuple(kept))
 
 
 def words_as_keywords(kind: type[Record]) -> type[Record]:
@@ -774,8 +831,13 @@ class Scenario(ShortNames):
 
     @property
     def as_begun(self) -> Scenario:
-        """Scenario at the start of the flight, without scheduled changes."""
-        return replace(self, changes=()) if self.changes else self
+        """Scenario at the start of the flight, without scheduled changes: the law's model takes up no payload."""
+        begun = replace(self, changes=()) if self.changes else self
+        if not any(each.modelled_payloads for each in self.agents.values()):
+            return begun
+        return replace(
+            begun, agents=replace(self._members, records=tuple(map(_with_steady_model, self._members.records)))
+        )
 
     @property
     def agent(self) -> Agent:
@@ -998,12 +1060,14 @@ def trimmed_state(world: Truth, position: Vec3, yaw: Scalar, joints: Scalars) ->
 
 
 def first_state(scenario: Scenario) -> State:
-    """Initial state of a scenario: the stated one, else hover trim at the reference."""
-    own = scenario.agent
-    if own.initial is not None:
-        return own.initial
+    """Initial state of a scenario: the stated one, and hover trim at the reference for what it leaves out."""
+    own, initial = scenario.agent, scenario.agent.initial
+    if initial is not None and not isinstance(initial, PartialState):
+        return initial
     start = own.reference.at(0.0)
-    return trimmed_state(own.plant, start.position, data(start.yaw), tuple(start.joints))
+    joints = tuple(start.joints) if initial is None or "joints" in initial.left_out else initial.joints
+    trim = trimmed_state(own.plant, start.position, data(start.yaw), joints)
+    return trim if initial is None else initial.completed(_as_data(trim))
 
 
 def _as_data(state: State) -> State:
@@ -1013,5 +1077,5 @@ def _as_data(state: State) -> State:
         numbers = map(data, value)
         return tuple(numbers) if isinstance(value, tuple) else type(value)(*numbers)
 
-    fields = {name: as_data(value) for name, value in leaves.parts(state).items()}
-    return State(**fields | {"quaternion": coerce.near_unit_quaternion(fields["quaternion"])})
+    fields = {name: as_data(getattr(state, name)) for name in field_names(State) or ()}
+    return replace(state, **fields | {"quaternion": coerce.near_unit_quaternion(fields["quaternion"])})

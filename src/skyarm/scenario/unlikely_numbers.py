@@ -21,7 +21,7 @@ from skyarm.records.leaves import named_leaves, parts
 from skyarm.records.registry.shipped import SHIPPED
 from skyarm.records.units import units
 from skyarm.scenario.readers import feasibility_of
-from skyarm.scenario.scenario_record import Scenario
+from skyarm.scenario.scenario_record import Scenario, first_state
 from skyarm.scenario.without_effect import without_effect
 from skyarm.vehicle import Body, Vehicle
 from skyarm.vehicle.check import TURN
@@ -178,7 +178,7 @@ def _size(value: Any) -> float:
 
 
 def _reference(scenario: Scenario) -> Iterator[str]:
-    links, start = scenario.agent.plant.vehicle.links, scenario.agent.initial
+    links, start = scenario.agent.plant.vehicle.links, scenario.agent.initial and first_state(scenario)
     times = np.linspace(0.0, scenario.duration, LOOKS + 1)
     looks = scenario.agent.reference.at(times)
     farthest = float(np.max(np.sqrt(sum(np.square(c) for c in looks.position))))

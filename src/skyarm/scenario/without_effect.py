@@ -22,7 +22,8 @@ from skyarm.dynamics.point_motion import PointMotion
 from skyarm.plant.loads import applied_force
 from skyarm.plant.surroundings import Surroundings
 from skyarm.records.arrays import AnyArray
-from skyarm.records.leaves import Tree, leaves, rebuild
+from skyarm.records.coerce import concrete
+from skyarm.records.leaves import Tree, leaves, parts, rebuild
 from skyarm.scenario.scenario_checks import tip_sensor
 from skyarm.scenario.scenario_record import PLANTS, Scenario, first_state
 from skyarm.sensing.estimate.estimator import FULL_STATE
@@ -64,7 +65,7 @@ def without_effect(scenario: Scenario) -> tuple[str, ...]:
     lines = list[str]()
     if scenario.is_team:
         return tuple(f"{name}: {line}" for name in scenario.agents for line in without_effect(scenario.of(name)))
-    for judge in (_idle_components, _unread_sensors):
+    for judge in (_idle_components, _unread_readings):
         with suppress(Exception):
             lines += judge(scenario)
     return tuple(lines)
@@ -157,6 +158,11 @@ def _effect(scenario: Scenario, component: Component[Tree], blind: set[str]) -> 
     return moved, acts
 
 
+NOISE_OF_SENSORS = "the noise of [sensors.NAME] in its place?"
+
+LATE_SENSORS = "latency of [sensors.NAME] and delay_periods of [estimator] in its place?"
+
+
 class _Readings(UserDict[str, object]):
     """Dictionary of sensor readings by name, which records the names that are looked up."""
 
@@ -177,9 +183,10 @@ def readings_at(scenario: Scenario, state: State, t: Scalar) -> dict[str, object
     return readings
 
 
-def _unread_sensors(scenario: Scenario) -> Iterator[str]:
+def _unread_readings(scenario: Scenario) -> Iterator[str]:
     sensors = tuple((each.name, each.sensor) for each in scenario.agent.sensors)
-    if not sensors or autopilot_of(scenario.agent.controller) is not None:
+    given = sensors or scenario.agent.has_estimator
+    if not given or autopilot_of(scenario.agent.controller) is not None:
         return
     model, vehicle, state = scenario.agent.model, scenario.agent.vehicle, first_state(scenario)
     readings, period = _Readings(readings_at(scenario, state, 0.0)), scenario.rates.period
@@ -191,6 +198,12 @@ def _unread_sensors(scenario: Scenario) -> Iterator[str]:
     tip = tip_sensor(sensors, vehicle)
     if tip is not None and (senses_force(scenario.agent.controller.par) or any(guard.sensed for guard in guards)):
         used.add(tip[0])
+    if not estimator.reads_state or FULL_STATE not in used:
+        for name, sigma in parts(scenario.agent.noise).items():
+            if concrete(sigma) and sigma > 0.0:
+                yield f"sensors.{name}: is of the full state, which the [estimator] does not read; {NOISE_OF_SENSORS}"
+        if scenario.agent.delays.measurement > 0.0:
+            yield f"delays.measurement: is of the full state, which the [estimator] does not read; {LATE_SENSORS}"
     for name, _ in sensors:
         if name not in used:
             yield f"sensors.{name}: only the log has its readings, the law does not; an [estimator] for it?"

@@ -31,6 +31,7 @@ from skyarm.simulate.lane_numbers import (
     require_kind,
     require_paths,
     require_rigid_body,
+    warn_of_measured_limits,
 )
 from skyarm.simulate.loop_state import LoopState
 from skyarm.simulate.user_code import require_shapes
@@ -131,6 +132,7 @@ class Batch:
         self._rules = LaneRules(scenario, self.paths)
         require_draws(scenario, self.paths)
         require_apart_from_changes(scenario, self.paths)
+        warn_of_measured_limits(scenario, self.paths)
         vehicles = scenario.vehicles
         self._totals = [required_totals([*own.values()], vehicles[name].n) for name, own in self._listed.items()]
         self._log_every, self._times = log_every, np.arange(scenario.steps) / scenario.rates.control

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import field, replace
 from itertools import compress
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -250,14 +250,14 @@ class Leg:
         self, begun: Scenario, overrides: Overrides, periods: range, options: LegOptions, before: Sequence[Leg] = ()
     ) -> None:
         self.periods, self._options = periods, options
-        self._overrides = overrides
+        self._begun, self._overrides = begun, overrides
         self._shape, self.scenario = overrides.parts_of(begun), overrides.of(begun)
         require_compiled(self.scenario)
         fixed = {path for path in options.paths if overrides.hides(path) or overrides.holds(self._shape, path)}
         self._free = tuple(path for path in options.paths if path not in fixed and not path.startswith(OF_CHANGES))
         self._set: dict[str, float] = dict(overrides.data(begun).numbers)
         named = {path: f"{OF_CHANGES}{i}.value" for path, i in sources(begun, periods.start).items()}
-        self._swept = {path: named[path] for path in self._set if named[path] in options.paths}
+        self._swept = {path: named[path] for path in self._set if named.get(path) in options.paths}
         self.base = tuple(number_at(begun, path) for path in options.paths)
         stiff = self.scenario
         if options.stiffest is not None:
@@ -338,9 +338,22 @@ class Leg:
     def parameters(self, columns: Sequence[Array], lanes: int) -> Array:
         """Inputs of the compiled program that are constant in flight, shape (parameters, flights)."""
         given = dict(zip(self._options.paths, columns, strict=True))
-        rows = [given[self._swept[p]] if p in self._swept else np.full(lanes, v) for p, v in self._set.items()]
+        values = self._set | self._masses_of_models(given)
+        rows = [given[self._swept[p]] if p in self._swept else np.full(lanes, v) for p, v in values.items()]
         every = [*columns, *rows]
         return np.stack(every) if every else np.zeros((0, lanes))
+
+    def _masses_of_models(self, given: Mapping[str, Array]) -> dict[str, Any]:
+        """Payload masses of laws' models in this leg, as far as they follow from masses that vary, (lanes,) each."""
+        loads = {
+            path: column
+            for path, column in given.items()
+            if word_of(path).startswith("payloads.") and path.endswith(".mass")
+        }
+        if not loads:
+            return {}
+        numbers = dict(overrides_at(with_numbers(self._begun, loads), self.periods.start).numbers)
+        return {path: numbers[path] for path in self._set}
 
     def begin(self, parameters: Array, seed: int, episodes: Array, last: tuple[Leg, Array] | None) -> Array:
         """Initial loop states and metric sums, one column per flight; carried over from a previous interval, if any."""

@@ -9,6 +9,7 @@ from typing import Any
 from skyarm.records.files import shown
 from skyarm.records.immutable import positional
 from skyarm.scenario.in_flight import NONE, Overrides, try_changes, try_coming
+from skyarm.scenario.payload_tables import scheduled_changes
 from skyarm.scenario.scenario_record import Change, Scenario, ScenarioError, in_order
 from skyarm.simulate.assemble_log import Piece, StoredPiece
 from skyarm.simulate.command_delay import CommandRange
@@ -36,7 +37,7 @@ class Course:
     @staticmethod
     def of(scenario: Scenario) -> Course:
         """Scenario schedule of a flight before its first control period: all scheduled changes are still to come."""
-        return Course(scenario, scenario, coming=in_order(scenario.changes, scenario.rates.control))
+        return Course(scenario, scenario, coming=in_order(scheduled_changes(scenario), scenario.rates.control))
 
     @property
     def command_ranges(self) -> dict[str, CommandRange]:
@@ -46,7 +47,8 @@ class Course:
     @property
     def plan(self) -> Scenario:
         """Scenario that reproduces the flight: the initial one with all changes made and still scheduled."""
-        changes = (*self.made, *self.coming)
+        derived = scheduled_changes(self.begun)[len(self.begun.changes) :]
+        changes = tuple(each for each in (*self.made, *self.coming) if each not in derived)
         if changes == in_order(self.begun.changes, self.begun.rates.control):
             return self.begun
         return replace(self.begun, changes=changes)

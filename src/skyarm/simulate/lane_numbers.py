@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import warnings
 from collections.abc import Collection, Iterator, Mapping, Sequence
 
 import numpy as np
@@ -15,9 +16,10 @@ from skyarm.records.arrays import Array, doubles
 from skyarm.records.files import shown
 from skyarm.records.leaves import Place, field_names, part, replace_at
 from skyarm.records.path_names import agent_of, word_of
-from skyarm.scenario.in_flight import require_changes
+from skyarm.scenario.in_flight import measured_paths, require_changes
 from skyarm.scenario.numbers import is_added, means_the_same, number_at, require_apart, with_numbers
-from skyarm.scenario.paths import LATE, alone, delay_words, places_of
+from skyarm.scenario.paths import LATE, alone, delay_words, is_below, places_of, prefix_of
+from skyarm.scenario.payload_tables import scheduled_changes
 from skyarm.scenario.scenario_record import Scenario, ScenarioError, whole
 from skyarm.simulate.draws import draws_needed
 
@@ -247,8 +249,7 @@ class LaneRules:
         """Error message of a scenario with the given parameter values; None if they are valid."""
         try:
             made = with_numbers(self._scenario, numbers)
-            if self._scenario.changes:
-                require_changes(made)
+            require_changes(made)
         except REFUSALS as error:
             return " ".join(str(error).split())
         return None
@@ -264,14 +265,39 @@ def require_apart_from_changes(scenario: Scenario, paths: Sequence[str]) -> None
     Raises:
         ScenarioError: names the path and the change.
     """
-    for path in paths if scenario.changes else ():
+    for path in paths:
         for words in _refusals(scenario, path):
             raise ScenarioError(f"path = {path!r}: {words}")
 
 
+class MeasuredLimitsWarning(UserWarning):
+    """Warning about gains that vary in a batch while limits of the safety layer are measured on the law."""
+
+
+def warn_of_measured_limits(scenario: Scenario, paths: Sequence[str]) -> None:
+    """Warn where gains vary inside a safety layer whose limits are measured: all lanes have those of the scenario."""
+    for name in scenario.agents:
+        for limit in measured_paths(scenario, name)[:1]:
+            inside = limit.rpartition(".limits.")[0] + ".inner"
+            for path in [path for path in paths if is_below(path, inside)][:1]:
+                words = f"path = {path!r}: varies, while {limit} of all lanes is that of the scenario's own law"
+                warnings.warn(f"{words}; state controller.safety.stiffness and damping", MeasuredLimitsWarning, 3)
+
+
 def _refusals(scenario: Scenario, path: str) -> Iterator[str]:
-    for i, change in enumerate(scenario.changes):
+    for name, agent in scenario.agents.items():
+        for i, each in enumerate(agent.payloads):
+            starts = {f"{prefix_of(scenario, name)}payloads.{of}" for of in (i, each.name)}
+            if each in agent.modelled_payloads and path.removesuffix(".pick").removesuffix(".drop") in starts:
+                words = "must not vary in a batch, whose flights change their models together"
+                yield f"{words}; fly each by itself, or say believed = false"
+    for i, change in enumerate(scheduled_changes(scenario)):
         where = f"changes[{i}].path = {change.path!r}"
+        if i >= len(scenario.changes):
+            where = f"{change.path!r}, which payloads set at {change.at:g} s (believed = true)"
+            if is_added(scenario, path) and means_the_same(scenario, path, change.path):
+                yield f"adds to {where}; vary their mass"
+            continue
         if path == f"changes.{i}.value" and word_of(change.path).startswith(STATED):
             yield f"must not vary, since a largest integration step may follow from {where}"
         if is_added(scenario, path) and is_added(scenario, change.path) and means_the_same(scenario, path, change.path):

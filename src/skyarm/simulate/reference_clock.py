@@ -95,7 +95,7 @@ class Waits:
         self._leads = preview_leads(scenario.agent.controller.par)
         self.guards: tuple[Guard, ...] = scenario.agent.reference.guards
         self.loads = frozenset(name for guard in self.guards for name in guard.loads)
-        self._believed = tuple(each for each in scenario.agent.payloads if each.believed)
+        self._believed = tuple(each for each in scenario.agent.payloads if each.believed and each.name in self.loads)
         self._rate = float(scenario.rates.control)
         self._ratio = scenario.rates.control // scenario.rates.reference
         self._vehicle = scenario.agent.model.vehicle

@@ -20,7 +20,7 @@ from skyarm.links.outside import offboard
 from skyarm.links.outside.offboard import OffboardFlight, OffboardSettings, require_outside
 from skyarm.links.outside.offboard_link import OffboardError, OffboardLink
 from skyarm.links.outside.outside_law import OutsideLaw
-from skyarm.scenario.scenario_record import Change, ScenarioError
+from skyarm.scenario.scenario_record import Change, ScenarioError, with_words
 
 SCENARIO = """
 schema = 1
@@ -97,6 +97,15 @@ def test_the_law_flies_its_reference_from_where_the_vehicle_is(scenario):
     assert said["periods"] > 300
     assert said["periods"] + said["missed"] == round(250.0 * log.time[-1]) + 1
     assert said["computing"]["p99_ms"] < 50.0
+
+
+def test_the_law_holds_the_first_reference_until_tracking_starts(scenario):
+    """The reference goes 0.2 m meanwhile, against which errors count."""
+    planned = with_words(scenario(1.5), tracking_start=1.5)
+    log, peer = flown(planned)
+    assert log.status == "completed"
+    assert np.linalg.norm(np.array(peer.path[-1]) - peer.place) < 0.03
+    assert np.linalg.norm(log.position_reference[-1] - log.position_reference[0]) > 0.19
 
 
 def test_set_points_go_only_beside_heartbeats_and_end_with_the_flight(scenario):

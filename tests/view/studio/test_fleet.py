@@ -12,6 +12,7 @@ import pytest
 import skyarm
 from skyarm.records.files import read_toml
 from skyarm.records.path_names import agent_of
+from skyarm.scenario.payload_tables import scheduled_changes
 from skyarm.scenario.scenario_file import LIBRARY, list_scenarios
 from skyarm.view.studio.clock import Clock
 from skyarm.view.studio.fleet import (
@@ -346,6 +347,39 @@ def believed() -> dict[str, Any]:
     return {**document, "duration": 1.0, "windows": {}}
 
 
+def test_sliders_show_what_changes_of_the_file_have_set(tmp_path: Path) -> None:
+    document = believed()
+    document["changes"][0]["path"] = "environment.wind.force.1"  # as the file may name what the slider names y
+    joints = [{"kind": "constant", "value": 0.25}, {"kind": "constant", "value": -0.8}]
+    document["reference"] = {"base": {"kind": "hover", "position": [0.0, 0.0, 1.0]}, "joints": joints}
+    later = [{"kind": "constant", "value": 0.3}, joints[1]]
+    document["changes"].append({"at": 0.4, "path": "reference.joints", "value": later})
+    fleet = fleet_of(document, tmp_path)
+    fleet.join(fleet.make_flight(None))
+    (flight,) = fleet.flights
+    fleet.go(30)
+    assert (flight.values, flight.due) == ({}, 0)
+    fleet.go(50)
+    assert flight.values["environment.wind.force.y"] == 1.0
+    fleet.go(90)
+    assert flight.values["model.payload.mass"] == 0.05
+    assert {path: value for path, value in flight.values.items() if "joints" in path} == {
+        "reference.joints.0.value": 0.3
+    }
+    assert flight.due == 3
+    fleet.go(45)
+    assert flight.due == 1
+    assert set(flight.values) == {"environment.wind.force.1", "environment.wind.force.y"}
+
+
+def test_the_slider_of_the_delay_holds_that_of_the_file(tmp_path: Path) -> None:
+    for delays, high in (({"command": 0.05}, 0.05), ({"command": 0.005, "rotors": 0.01}, 0.02), ({}, 0.03)):
+        fleet = fleet_of(tables("case1") | {"delays": delays}, tmp_path)
+        (knob,) = (each for each in fleet.make_flight(None).knobs if each.path == "delays.command")
+        assert (knob.low, knob.value) == (0.0, delays.get("command", 0.0))
+        assert knob.high == pytest.approx(high)
+
+
 def test_changes_of_a_file_and_of_a_hand_hold_together_and_are_saved_together(tmp_path: Path) -> None:
     document = believed()
     fleet = fleet_of(document, tmp_path)
@@ -363,8 +397,8 @@ def test_changes_of_a_file_and_of_a_hand_hold_together_and_are_saved_together(tm
     saved = skyarm.load_scenario(file)
     again = skyarm.run(skyarm.load_scenario(file.with_suffix(".toml")))
     wind, told = "environment.wind.force", "model.payload.mass"
-    assert [(each.at, each.path, each.value) for each in saved.changes] == [
-        (0.2, f"{wind}.y", 1.0), (0.3, told, 0.05), (0.4, f"{wind}.x", 1.0), (0.6, told, 0.0)
+    assert [(each.at, each.path, each.value) for each in scheduled_changes(saved)] == [
+        (0.2, f"{wind}.y", 1.0), (0.4, f"{wind}.x", 1.0), (0.3, told, 0.05), (0.6, told, 0.0)
     ]  # fmt: skip
     log = skyarm.run(saved)
     assert (states(flight) == states_of(log)[:150]).all()

@@ -36,6 +36,10 @@ USUAL = (5.0, 2.7)
 """Default vertical stiffness and damping (1/s^2 and 1/s, RotorS's Hummingbird) of a law that cannot be tested."""
 
 
+MEASURED = ("stiffness", "damping")
+"""Limits that are measured on the law inside where they are not stated."""
+
+
 def law_stiffness(controller: Controller) -> tuple[float, float]:
     """Position and velocity gain (1/s^2, 1/s) of a law, from its vertical response to small errors in hover.
 
@@ -75,8 +79,10 @@ def _thrust(controller: Controller, position: float, velocity: float) -> float:
         felt = Vec3(0.0, 0.0, thrust / float(vehicle.mass))
         seen = replace(resting, rotor_speeds=speeds, specific_force=felt)
         _, command = law(memory, seen, reference, PERIOD, par=controller.par)
-        speeds = tuple(map(float, command.rotor_speeds))
+        before, speeds = (speeds, thrust), tuple(map(float, command.rotor_speeds))
         thrust = sum(share * speed * speed for share, speed in zip(shares, speeds, strict=True))
+        if (speeds, thrust) == before:
+            break  # all further answers are the same
     return thrust
 
 
@@ -311,8 +317,8 @@ def limits_for(controller: Controller, **given: Any) -> Limits:
             raise ControllerError(f"safety.{name}: unknown field; allowed: {', '.join(rules(Limits))}")
     values = _defaults(controller)
     per_joint = {name for name, value in values.items() if isinstance(value, tuple)}
-    if "stiffness" not in given or "damping" not in given:
-        values |= dict(zip(("stiffness", "damping"), law_stiffness(controller), strict=True))
+    if any(name not in given for name in MEASURED):
+        values |= dict(zip(MEASURED, law_stiffness(controller), strict=True))
     for name, value in (values | given).items():
         alone = name in per_joint and not isinstance(value, (list, tuple))
         with errors_as(ControllerError, of=RecordError):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from typing import Annotated, Any
@@ -24,7 +24,7 @@ from skyarm.control.safety.bounds import (
     with_priorities,
     within_efforts,
 )
-from skyarm.control.safety.limits import USUAL_JOINTS, Limits, limits_for
+from skyarm.control.safety.limits import MEASURED, USUAL_JOINTS, Limits, law_stiffness, limits_for
 from skyarm.control.safety.recovery import (
     Confidence,
     Recovery,
@@ -38,10 +38,11 @@ from skyarm.control.safety.recovery import (
 from skyarm.control.vectored_layer import law_inside, with_tilting
 from skyarm.dynamics.actuators import Command
 from skyarm.dynamics.workspace import middle_position
-from skyarm.records.coerce import RecordError
+from skyarm.records.coerce import RecordError, concrete
 from skyarm.records.files import shown
-from skyarm.records.immutable import immutable
-from skyarm.records.leaves import blend, leaves, parts, rebuild
+from skyarm.records.immutable import field_if_any, immutable
+from skyarm.records.leaves import Place, blend, leaves, parts, rebuild, replace_at
+from skyarm.records.path_names import Names, field_paths
 from skyarm.records.units import Unit
 from skyarm.reference import Reference
 from skyarm.reference.trajectory import resting_arm
@@ -54,10 +55,36 @@ class SafetyParameters(LayerParameters):
 
     Attributes:
         limits: limits of references and commands. recovery: constants of the recovery law.
+        stated: those of the measured limits that do not follow from the law inside.
     """
 
     limits: Limits
     recovery: Recovery
+    stated: tuple[str, ...] = field_if_any(default=())
+
+    def path_names(self) -> Names:
+        """Parameter paths of the constants; which of them are stated is none."""
+        return {name: each for name, each in field_paths(self).items() if name != "stated"}
+
+    @property
+    def measured_limits(self) -> tuple[Place, ...]:
+        """Places, in these constants, of the limits that follow from the law inside."""
+        return tuple(("limits", name) for name in MEASURED if name not in self.stated)
+
+    def refit_to(self, law: Controller, changed: Collection[Place]) -> SafetyParameters:
+        """Constants whose limits follow from the law inside, after a change of its constants.
+
+        Args:
+            law: law inside, as it is now. One with symbols or lanes cannot be measured: its limits stay.
+            changed: places of the changed numbers, in these constants. A limit among them is a stated one from now on.
+        """
+        stated = tuple(name for name in MEASURED if name in self.stated or ("limits", name) in changed)
+        par = self if stated == self.stated else replace(self, stated=stated)
+        follows = par.measured_limits and any(place[0] == "inner" for place in changed)
+        if not follows or not concrete(*leaves(law.par)):
+            return par
+        found = dict(zip(MEASURED, law_stiffness(law), strict=True))
+        return replace_at(par, {place: found[place[-1]] for place in par.measured_limits})
 
 
 @immutable
@@ -273,6 +300,7 @@ def with_safety_layer(
         mixer=with_priorities(model, controller.par.mixer),
         limits=_limits(controller, limits),
         recovery=recovery,
+        stated=tuple(name for name in MEASURED if isinstance(limits, Limits) or name in (limits or ())),
     )
     return Controller(
         name=f"guarded_{controller.name}",

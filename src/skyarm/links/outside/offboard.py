@@ -35,9 +35,11 @@ from skyarm.records.leaves import leaves, rebuild
 from skyarm.records.plain import Plain
 from skyarm.records.units import Unit, positive
 from skyarm.reference import Reference
+from skyarm.scenario.payload_tables import scheduled_changes
 from skyarm.scenario.scenario_record import Scenario, ScenarioError
 from skyarm.simulate.check_endings import Ended
 from skyarm.simulate.inputs import episode_inputs
+from skyarm.simulate.stages import joined_reference
 
 BEAT = 0.25
 """Time (s) between the heartbeats of this program."""
@@ -141,7 +143,7 @@ def require_outside(scenario: Scenario) -> None:
         raise ScenarioError("reference: must have no phases that wait for conditions, outside of the simulator")
     if scenario.agent.path_time is not None:
         raise ScenarioError("path_time: must be left out, outside of the simulator")
-    for change in scenario.changes:
+    for change in scheduled_changes(scenario):
         # behind agents.NAME too
         if {"model", "controller", "reference"} & {*change.path.split(".")[:3:2]}:
             raise ScenarioError(
@@ -452,7 +454,9 @@ class OffboardFlight:
         return time.monotonic() - self._link.force_heard > self._settings.stale
 
     def _reference(self, tick: int) -> Reference:
-        return rebuild(self._example, iter(self._rows[min(tick, self._steps - 1)].tolist()))
+        last = min(tick, self._steps - 1)
+        going = rebuild(self._example, iter(self._rows[last].tolist()))
+        return joined_reference(self._scenario, going, last / self._rate)
 
     def _hand_back(self) -> None:
         """Release the arm and, while the autopilot takes our set points, request its hold mode."""

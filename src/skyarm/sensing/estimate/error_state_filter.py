@@ -16,7 +16,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import Any
+from typing import Any, ClassVar
 
 from skyarm.algebra import ZERO3, Motion, Scalar, Vec3
 from skyarm.algebra.scalars import data, exp, logical_and, logical_not, where
@@ -60,6 +60,8 @@ from skyarm.vehicle import Vehicle
 @immutable
 class ErrorStateFilter(FilterNumbers):
     """Error-state Kalman filter of position, velocity, attitude and biases from inertial and aiding sensors."""
+
+    reads_state: ClassVar[bool] = False
 
     @property
     def on_board(self) -> ErrorStateFilter:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, ClassVar
 
 from skyarm.algebra import Scalar
 from skyarm.dynamics.actuators import Command
@@ -27,6 +27,9 @@ class Estimator:
     __slots__ = ()
 
     registered_as = "estimator"
+
+    reads_state: ClassVar[bool] = True
+    """False if the measurement does not follow from the full state, so that laws predict over no delay of that."""
 
     @property
     def on_board(self) -> Any:

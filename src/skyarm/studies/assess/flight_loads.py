@@ -64,7 +64,7 @@ def flight_parts(scenario: Scenario, carried: Sequence[Load] = ()) -> list[Fligh
     ``carried`` are loads beside the scenario's payloads: shares of bodies that several vehicles carry.
     """
     of_the_world = tuple(c for c in scenario.changes if c.path.split(".", maxsplit=1)[0] not in OF_THE_LAW)
-    scenario = dataclasses.replace(scenario, changes=of_the_world)
+    scenario = dataclasses.replace(scenario.as_begun, changes=of_the_world)
     loads = [*_payloads(scenario), *carried]
     changed = [(each.start / scenario.rates.control, each.overrides.of(scenario)) for each in stretches(scenario)]
     edges = {start for start, _ in changed} | {t for load in loads for t in (load.start, load.stop)}

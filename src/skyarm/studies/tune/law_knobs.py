@@ -261,7 +261,7 @@ def _catalogue_gains(scenario: Scenario, knobs: tuple[GainKnob, ...]) -> dict[st
     names = [f"{law}{TUNED}"] if law in tuned_factors() else []
     names += [law] if law in LAWS else []
     model = plain_model(scenario.agent.model)
-    facts = loop_facts(scenario.rates, scenario.agent.delays)
+    facts = loop_facts(scenario.rates, scenario.agent.delays, scenario.agent.estimator)
     gains: dict[str, Numbers] = {}
     for name in [*names, *PRESETS]:
         made = _make(name, model, facts)

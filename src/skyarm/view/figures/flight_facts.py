@@ -15,6 +15,7 @@ from skyarm.log.metrics.score import wanted_push
 from skyarm.records.arrays import Array, lengths
 from skyarm.records.files import PathLike
 from skyarm.records.immutable import positional
+from skyarm.scenario.payload_tables import scheduled_changes
 from skyarm.scenario.scenario_record import Scenario
 
 MOST_PATHS = 3
@@ -207,7 +208,7 @@ def flight_events(log: Log) -> tuple[Event, ...]:
 
 def _changes(scenario: Scenario, end: float) -> Iterator[Event]:
     """List scheduled parameter changes of a scenario as events, labelled by parameter path and value."""
-    changes = [change for change in scenario.changes if float(change.at) < end]
+    changes = [change for change in scheduled_changes(scenario) if float(change.at) < end]
     paths = [change.path for change in changes]
     for change in changes:
         alike, value = paths.count(change.path), change.value

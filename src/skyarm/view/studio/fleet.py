@@ -15,7 +15,10 @@ from skyarm.control.catalogue import AUTOPILOTS, every_name
 from skyarm.log.formats import save_log
 from skyarm.records.files import require_writable, shown
 from skyarm.records.path_names import agent_of, word_of
+from skyarm.scenario.in_flight import overrides_at
+from skyarm.scenario.numbers import number_at
 from skyarm.scenario.paths import prefix_of
+from skyarm.scenario.payload_tables import scheduled_changes
 from skyarm.scenario.save import save_scenario
 from skyarm.scenario.scenario_file import load_scenario
 from skyarm.scenario.scenario_record import Agent, Scenario, ScenarioError, with_words
@@ -308,10 +311,25 @@ class Flight:
         return "" if ended is None else ended.cause
 
     @property
+    def numbers(self) -> dict[str, float]:
+        """Present value of every number that the user or a scheduled change has set, by the path of the change."""
+        return dict(overrides_at(self.session.plan, self.tick).numbers)
+
+    @property
     def values(self) -> Mapping[str, float]:
-        """Current value of every parameter that the user changed, by parameter path."""
-        made = [values for tick, values in self.moved.items() if tick <= self.tick]
-        return {path: value for values in made for path, value in values.items()}
+        """Present value of every parameter that differs from the scenario's or was set, by parameter path."""
+        values, now = self.numbers, self.session.scenario
+        if self.due or values:  # numbers under another path, in replaced parts, or that follow from those
+            for knob in self.knobs:
+                with suppress(ScenarioError):
+                    if knob.path not in values and (value := number_at(now, knob.path)) != knob.value:
+                        values[knob.path] = value
+        return values
+
+    @property
+    def due(self) -> int:
+        """Number of scheduled changes that have fallen due."""
+        return sum(change.tick(self.rate) <= self.tick for change in scheduled_changes(self.first))
 
     def move(self, values: Mapping[str, float]) -> None:
         """Change parameters of this flight from the next control period on.
@@ -415,7 +433,7 @@ class FlownAgent:
     @property
     def hung_mass(self) -> float:
         """Mass (kg) that the user attached to the tip."""
-        return self.flight.values.get(f"{self._of}plant.payload.mass", 0.0)
+        return self.flight.numbers.get(f"{self._of}plant.payload.mass", 0.0)
 
     @property
     def last(self) -> PlottedInstant:
@@ -435,7 +453,7 @@ class FlownAgent:
 
 def _session(scenario: Scenario, paths: Sequence[str]) -> Session:
     """Create a simulation session in which the given parameters are adjustable."""
-    scheduled = [change.path for change in scenario.changes if isinstance(change.value, float)]
+    scheduled = [change.path for change in scheduled_changes(scenario) if isinstance(change.value, float)]
     if scenario.autopilot is not None:
         # a number of the sensors compiles anew when it is moved: those that the autopilot adds have other draws
         return open_session(scenario, [path for path in paths if not path.startswith("sensors.")])

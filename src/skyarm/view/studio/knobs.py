@@ -32,7 +32,7 @@ SIGMAS: Mapping[str, float] = {"m": 0.05, "m/s": 0.3, "rad": 0.05, "rad or m": 0
 """Unit -> largest standard deviation on a slider of noise that is zero."""
 
 LONGEST_DELAY = 0.03
-"""Longest command delay (s) on its slider."""
+"""Longest command delay (s) on its slider, unless the scenario states a longer one."""
 
 
 @positional
@@ -97,7 +97,8 @@ def knobs_of(scenario: Scenario, without: Collection[str] = ()) -> tuple[Adjusta
             seen |= names
             value, declared = number_at(one, word), declared_at(one, word)
             if math.isfinite(value) and (declared.unit != "s" or group in ("delay", "law")):
-                knobs.append(AdjustableNumber(path, group, declared, *_span(group, value, declared), value))
+                span = _span_of_delay(one) if group == "delay" else _span(group, value, declared)
+                knobs.append(AdjustableNumber(path, group, declared, *span, value))
     return tuple(knobs)
 
 
@@ -186,12 +187,16 @@ def _below(value: object, path: str) -> Iterator[str]:
             yield from _below(part(value, places[0]), f"{path}.{word}")
 
 
+def _span_of_delay(scenario: Scenario) -> tuple[float, float]:
+    """Range of the command delay: what the queue of commands leaves beside further delays of rotors or joints."""
+    delays = scenario.agent.delays
+    return 0.0, delays.longest - max(float(delays.rotors), float(delays.joints))
+
+
 def _span(group: str, value: float, unit: Unit) -> tuple[float, float]:
     """Compute the range of a slider around a parameter's value, within the parameter's bounds."""
     if unit.high - unit.low <= WIDEST:
         return unit.low, unit.high
-    if group == "delay":
-        return 0.0, LONGEST_DELAY
     reach = SPANS.get(unit.unit, 1.0)
     low, high = value - reach, value + reach
     if group in ("law", "sensors"):

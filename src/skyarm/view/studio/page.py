@@ -91,7 +91,7 @@ class Page(PageLoop):
         self._moves: dict[int | None, dict[str, float]] = {}
         self.fleet, self.agent = fleet, next(iter(fleet.scenario.agents))
         self._making = 0
-        self._turn = 0
+        self._turn, self._due = 0, list[int]()
         self._picture: FleetPicture = FleetPicture(server)
         own = self.fleet.scenario.law_names
         self._controls = Controls(server.gui, self, [law or own for law in laws])
@@ -251,6 +251,9 @@ class Page(PageLoop):
         self._turn = (self._turn + 1) % 3
         for chart in self._charts[self._turn :: 3]:
             chart.draw()
+        if (due := [flight.due for flight in fleet.flights]) != self._due:
+            self._due = due
+            self._show_values()
         slider = self._controls.time
         longest = max(30.0, 30.0 * -(-fleet.furthest // (30 * fleet.rate)))
         if slider.max != longest:
