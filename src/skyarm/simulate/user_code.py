@@ -19,9 +19,10 @@ import numpy as np
 
 from skyarm.algebra import ZERO3, Scalar, Scalars, Vec3
 from skyarm.algebra.scalars import data
-from skyarm.compile.tracing.float_trial import OUTSIDE, PERIODS, changed_argument, contents, fingerprint, in_floats
+from skyarm.compile.tracing.fingerprint import OUTSIDE, changed_argument, contents, fingerprint, in_floats
 from skyarm.control.controller import Controller, preview_leads
 from skyarm.control.law_checks import (
+    PERIODS,
     LawError,
     call_maker,
     check_controller,
