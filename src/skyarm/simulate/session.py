@@ -16,6 +16,7 @@ from skyarm.log.team_log import WITHIN
 from skyarm.plant.loads import wind_at
 from skyarm.records.arrays import Array
 from skyarm.records.files import errors_as, shown
+from skyarm.records.files.user_code import first_not_finite
 from skyarm.records.immutable import positional
 from skyarm.records.leaves import mismatch
 from skyarm.records.path_names import word_of
@@ -30,7 +31,6 @@ from skyarm.simulate.assemble_log import Piece, StoredPiece, join_pieces, state_
 from skyarm.simulate.check_endings import Ended, running_status
 from skyarm.simulate.command_delay import CommandRange, numbers_of_command, rotor_numbers
 from skyarm.simulate.engine import Engine, EngineState, EpisodeCode, ProgramKey
-from skyarm.simulate.first_not_finite import first_line
 from skyarm.simulate.lane_numbers import require_paths
 from skyarm.simulate.loop_state import LoopState
 from skyarm.simulate.reference_clock import other_references
@@ -324,7 +324,7 @@ class Session:
             # a number may be on its way for some periods, as in a sensor's delay
             while again.tick < self.tick and again.step() and not again._engine.has_nan:
                 before, now = again._engine, again.now
-            if line := first_line(lambda: before.evaluate(before.evaluate(now))):
+            if line := first_not_finite(lambda: before.evaluate(before.evaluate(now))):
                 engine.ended = replace(ended, cause=f"{ended.cause}; first in {line}")
         return False
 
