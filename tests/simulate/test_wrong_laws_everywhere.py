@@ -17,8 +17,8 @@ from skyarm.control.safety import with_safety_layer
 from skyarm.records.registry.plugins import load_plugin, register_law_of_file
 from skyarm.scenario.scenario_file import load_scenario
 from skyarm.simulate.batch import Batch
+from skyarm.simulate.examine import check_law
 from skyarm.simulate.loop import run, run_in_python
-from skyarm.simulate.user_code import check_law
 from skyarm.studies.stability.flight_margins import evidence
 from support.components import RESULTS, STATES, TRACES, WITHOUT_FLIGHT, Mistake, registry_kept
 

@@ -37,6 +37,7 @@ from skyarm.records.leaves import rebuild
 from skyarm.scenario.numbers import number_at, with_numbers
 from skyarm.scenario.scenario_checks import require_flight
 from skyarm.scenario.scenario_record import Scenario, ScenarioError, noise_key
+from skyarm.simulate.examine import require_shapes
 from skyarm.simulate.lane_loop import LaneLoop, held_row, lane_statuses
 from skyarm.simulate.lane_numbers import (
     LaneRules,
@@ -53,7 +54,6 @@ from skyarm.simulate.loop_state import InputRow, LoopState, structure_of
 from skyarm.simulate.period import make_period
 from skyarm.simulate.plant_steps import RigidBodySteps
 from skyarm.simulate.stages import Stages
-from skyarm.simulate.user_code import require_shapes
 
 ENGINES = ("floats", "numpy", "jax", "casadi", "trace")
 

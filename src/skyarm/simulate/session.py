@@ -31,11 +31,11 @@ from skyarm.simulate.assemble_log import Piece, StoredPiece, join_pieces, state_
 from skyarm.simulate.check_endings import Ended, running_status
 from skyarm.simulate.command_delay import CommandRange, numbers_of_command, rotor_numbers
 from skyarm.simulate.engine import Engine, EngineState, EpisodeCode, ProgramKey
+from skyarm.simulate.examine import has_own
 from skyarm.simulate.lane_numbers import require_paths
 from skyarm.simulate.loop_state import LoopState
 from skyarm.simulate.reference_clock import other_references
 from skyarm.simulate.stages import Stages
-from skyarm.simulate.user_code import has_own
 from skyarm.world import WindSample
 
 
