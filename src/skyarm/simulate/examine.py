@@ -51,7 +51,6 @@ from skyarm.dynamics import State
 from skyarm.dynamics.actuators import Command
 from skyarm.plant.surroundings import motions_of
 from skyarm.records import coerce
-from skyarm.records.coerce import RecordError
 from skyarm.records.files import must_be_one_of, shown
 from skyarm.records.files.messages import comma_list
 from skyarm.records.files.user_code import failure, own_code, place_of, place_of_error
@@ -146,7 +145,7 @@ class UserPart:
             raise self.refusal(f"returns {kind_of(result)}", f"must return (memory, {what})")
         return result
 
-    def require_velocity(self, given: Given, air: Any) -> None:
+    def require_velocity(self, given: Given, air: object) -> None:
         """Refuse a velocity of the air that is no vector of numbers."""
         if not isinstance(air, Vec3):
             raise self.refusal(f"gives the velocity of the air as {kind_of(air)}", "must be a Vec3", method="velocity")
@@ -166,7 +165,7 @@ class UserPart:
                 bodies = f"-1 (base) or a link from 0 to {moving - 1}" if moving else "-1 (base)"
                 raise refuse(f"gives a wrench on body {each.body}", f"must be {bodies}")
 
-    def require_rates(self, given: Given, slope: Any) -> None:
+    def require_rates(self, given: Given, slope: object) -> None:
         """Refuse rates of a memory in another structure than the memory's."""
         if different := difference(given["memory"], slope, "the slope"):
             raise self.refusal("gives the rates of its memory in another structure", different, method="slope")
@@ -177,7 +176,7 @@ class UserPart:
         if kind != "a number":
             raise self.refusal(f"gives an effort that is {kind}", "must be a number", method="effort")
 
-    def require_reading(self, given: Given, result: Any) -> None:
+    def require_reading(self, given: Given, result: object) -> None:
         """Refuse anything but a memory and a reading of numbers, of the class that the sensor declares."""
         given["memory"], reading = self.pair(result, "reading")
         declared = declared_reading(self.record)
@@ -186,7 +185,7 @@ class UserPart:
             raise self.refusal(f"gives a reading that is {kind}", f"must be of type {declared.__name__}, its record")
         self.require_numbers("measure", Numbers("a reading", also=bool), reading)
 
-    def require_measurement(self, given: Given, result: Any) -> None:
+    def require_measurement(self, given: Given, result: object) -> None:
         """Refuse anything but a memory and a measurement of all joints."""
         given["memory"], measured = self.pair(result, "Measurement", Measurement)
         n = self.scenario.agent.vehicle.n
@@ -204,7 +203,7 @@ class UserPart:
         """Take the memory that other methods are given; its structure is looked at in the end."""
         given["memory"] = memory
 
-    def given(self, t: Scalar, state: State, draws: Sequence[Scalar]) -> Given:
+    def arguments_at(self, t: Scalar, state: State, draws: Sequence[Scalar]) -> Given:
         """Arguments of the model's methods at an instant, by the names of its base class; functions of what is long."""
         scenario = self.scenario
         agent, period = scenario.agent, scenario.rates.period
@@ -282,7 +281,7 @@ class UserPart:
         memory: Tree = begin
         if arguments:
             draws = [0.5] * (2 * self.uniforms)
-            values = _values(self.given(0.0, first_state(self.scenario), draws), arguments)
+            values = _values(self.arguments_at(0.0, first_state(self.scenario), draws), arguments)
             try:
                 memory = begin(*values)
             except (ValueError, IndexError) as error:
@@ -299,7 +298,7 @@ class UserPart:
         memory, first = self.first_memory(), first_state(self.scenario)
 
         def step(moving: Tree, time: Scalars, state: State, draws: Scalars) -> Mapping[str, Any]:
-            given = self.given(time[0], state, draws) | {"memory": moving}
+            given = self.arguments_at(time[0], state, draws) | {"memory": moving}
             results = {}
             for name, method in CONTRACTS[self.kind].methods.items():
                 if method.pure and method.needed(self.record):
@@ -317,7 +316,7 @@ class UserPart:
 
         try:
             return fingerprint(step, in_floats(memory), (0.0,), in_floats(first), (0.5,) * self.uniforms)
-        except (TypeError, AttributeError, RecordError) as error:
+        except (TypeError, AttributeError, coerce.RecordError) as error:
             if words := mistake_in(error):
                 raise self.refusal(words, place=place_of_error(error)) from error
             raise
@@ -460,10 +459,13 @@ def _parts_of_agent(scenario: Scenario, whole: Scenario, *, first: bool) -> Iter
     components = scenario.placed_components if first else scenario.placed_own
     faults = [(f"environment.faults[{i}]", each) for i, each in enumerate(agent.faults)]
     for at, record in [("reference", agent.reference), *faults, *components]:
-        for place, signal in _own_signals(record, at):
-            yield part("signal", signal, place)
-    if (within := _first_own(agent.reference)) is not None:
-        yield part("motion", agent.reference, "reference", own=within)
+        for place, each in _values_within(record, at):
+            if isinstance(each, Signal) and own_code(type(each)):
+                yield part("signal", each, place)
+    for _, each in _values_within(agent.reference, "reference"):
+        if own_code(each if callable(each) else type(each)):
+            yield part("motion", agent.reference, "reference", own=each)
+            break
     models: list[tuple[str, Any]] = [
         *components,
         *faults,
@@ -477,19 +479,11 @@ def _parts_of_agent(scenario: Scenario, whole: Scenario, *, first: bool) -> Iter
             yield part(model.registered_as, model, place)
 
 
-def _first_own(record: object) -> object:
-    """First object of a user-defined class, or user-defined function, within a record; None without any."""
-    if own_code(record if callable(record) else type(record)) is not None:
-        return record
-    return next((own for each in parts(record).values() if (own := _first_own(each)) is not None), None)
-
-
-def _own_signals(record: object, place: str) -> Iterator[tuple[str, Signal]]:
-    """Time signals of user-defined classes within a record, each with its parameter path."""
-    if isinstance(record, Signal) and own_code(type(record)) is not None:
-        yield place, record
+def _values_within(record: object, place: str) -> Iterator[tuple[str, object]]:
+    """A record and all records and values within it, each with its parameter path."""
+    yield place, record
     for name, each in parts(record).items():
-        yield from _own_signals(each, f"{place}.{name}")
+        yield from _values_within(each, f"{place}.{name}")
 
 
 WHERE = "in a process with an empty environment, another folder and another hash seed"
