@@ -107,3 +107,59 @@ def test_an_object_of_another_class_is_no_record_of_a_new_kind():
     mistake = kind_mistake("tank", Horn)
     assert mistake is not None
     assert (mistake.what, mistake.instead) == ("is Horn", "must be a subclass of skyarm.Tank")
+
+
+def test_each_method_that_the_loop_calls_is_called_by_its_contract():
+    """Right code that needs its own start, all of its draws, the frame that it feels, or may answer with a truth."""
+    drain = {
+        "start": lambda self, position: (0.0,),
+        "advance": lambda self, memory, setpoint, position, rate, dt: memory,
+    }
+    effort = lambda self, memory, setpoint, position, rate: memory[0] - position  # noqa: E731
+    right = {
+        "drive": made(skyarm.Drive, **drain, effort=effort),
+        "ending": made(skyarm.Ending, status="own", fine=lambda self, scenario, state, goal, slack: True),
+        "air": made(
+            skyarm.Air,
+            uniforms=2,
+            start=lambda self, period, draws: (draws[3],),
+            advance=lambda self, memory, t, dt, state, draws: (memory[0] + draws[1],),
+        ),
+        "sensor": made(skyarm.Sensor, feels="ee", feel=lambda self, memory, t, push, draws, dt: (memory, push.force.x)),
+    }
+    for kind, record in right.items():
+        place = "plant.drives.joint2" if kind == "drive" else ""
+        assert examine(kind, record, BASE, place) == [], kind
+
+
+def test_an_estimator_begins_with_the_model_of_the_vehicle():
+    seen = []
+    start = lambda self, vehicle: seen.append(vehicle) or ()  # noqa: E731
+    step = lambda self, memory, readings, command, dt: (memory, readings["state"])  # noqa: E731
+    assert examine("estimator", made(skyarm.Estimator, start=start, step=step), BASE) == []
+    assert BASE.agent.model.vehicle != BASE.agent.vehicle
+    assert all(vehicle == BASE.agent.model.vehicle for vehicle in seen)
+
+
+RESULTS = {
+    "slope": ("force", {"coupled": True, "start": lambda self, period, draws: (1.0,),
+                        "slope": lambda self, memory, t, motion, rotor_speeds: 1.0},
+              "gives the rates of its memory in another structure"),
+    "logged": ("force", {"columns": (("height", "height", "m"),), "logged": lambda self, memory, motion: (None,)},
+               "gives logged[0] as None"),
+    "act": ("force", {"act": lambda self, memory, t, dt, motion: (random.random(),)},
+            "gives another program whenever it is traced"),
+    "rotor_commands": ("force", {"rotor_commands": lambda self, memory, rotors, commands: [random.random()]},
+                       "gives another program whenever it is traced"),
+    "advance": ("drive", {"effort": lambda self, memory, setpoint, position, rate: setpoint,
+                          "advance": lambda self, memory, setpoint, position, rate, dt: (position,)},
+                "changes the structure of its memory"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", RESULTS)
+def test_a_wrong_result_of_each_method_of_a_model_is_a_mistake(name):
+    kind, members, what = RESULTS[name]
+    base = {"force": skyarm.Force, "drive": skyarm.Drive}[kind]
+    (mistake,) = examine(kind, made(base, **members), BASE, "plant.drives.joint2" if kind == "drive" else "")
+    assert mistake.what == what
