@@ -96,7 +96,7 @@ def _precision_of_jax() -> Iterator[None]:
 @pytest.fixture(autouse=True)
 def _no_other_process(request: pytest.FixtureRequest) -> Iterator[None]:
     """Leave out the trial of plugins in another process, half a second each, unless a test is for it."""
-    module = sys.modules.get("skyarm.simulate.other_process")
+    module = sys.modules.get("skyarm.simulate.examine")
     if module is None or "tried_elsewhere" in request.fixturenames:
         yield
         return

@@ -12,7 +12,7 @@ import pytest
 
 import skyarm
 from skyarm.algebra import Motion
-from skyarm.compile.tracing.float_trial import fingerprint
+from skyarm.compile.tracing.fingerprint import fingerprint
 from skyarm.scenario.scenario_checks import check_scenario
 from skyarm.scenario.scenario_record import first_state
 from support import euler_lagrange

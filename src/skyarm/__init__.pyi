@@ -117,10 +117,10 @@ from skyarm.sensing.measurement import Measurement as Measurement
 from skyarm.sensing.measurement import SensorNoise as SensorNoise
 from skyarm.sensing.sensor import Sensor as Sensor
 from skyarm.simulate.batch import Batch as Batch
+from skyarm.simulate.examine import check_law as check_law
 from skyarm.simulate.loop import replay as replay
 from skyarm.simulate.loop import run as run
 from skyarm.simulate.session import Session as Session
-from skyarm.simulate.user_code import check_law as check_law
 from skyarm.studies.assess.assessment import check as check
 from skyarm.studies.compare.compare_laws import compare as compare
 from skyarm.studies.stability.flight_margins import margins as margins

@@ -22,7 +22,7 @@ from skyarm.scenario.endings import Divergence
 from skyarm.scenario.scenario_record import first_state
 from skyarm.scenario.unlikely_numbers import part_warnings
 from skyarm.simulate.check_endings import Ending, find_ending
-from skyarm.simulate.user_code import require_shapes
+from skyarm.simulate.examine import require_shapes
 from skyarm.world import Air, Force
 from skyarm.world.scene.component_scenes import scene_in_log
 from skyarm.world.scene.scene import Instants, Line, Scene

@@ -18,8 +18,8 @@ from skyarm.reference import Reference
 from skyarm.scenario.scenario_file import load_scenario
 from skyarm.scenario.scenario_record import first_state
 from skyarm.sensing.measurement import blank_measurement, measurement_of
+from skyarm.simulate.examine import check_law
 from skyarm.simulate.loop import run
-from skyarm.simulate.user_code import check_law
 from skyarm.vehicle.vehicle_files import load_vehicle
 from support.components import EVERYTHING, FINE, FLOWN, MAKERS, Mistake, registry_kept, returning, same_logs
 

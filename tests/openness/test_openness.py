@@ -19,8 +19,8 @@ from added_flight import DOCUMENT, EXAMPLES, HERE, PLUGINS, VARIED
 
 import skyarm
 from skyarm.records.registry.plugins import load_plugin
+from skyarm.simulate.examine import TRIED
 from skyarm.simulate.loop import run_in_python
-from skyarm.simulate.other_process import TRIED
 from support.commands import skyarm as typed
 from support.components import registry_kept
 

@@ -17,12 +17,12 @@ from skyarm.log.metrics.accumulate import added_metric
 from skyarm.records.files import Fields
 from skyarm.records.read_table import record_from
 from skyarm.records.registry import RegistryError, register
-from skyarm.records.registry.class_signatures import class_mistake
+from skyarm.records.registry.contract import class_mistake
 from skyarm.records.registry.plugins import load_plugin
 from skyarm.reference import Signal, signal_from
 from skyarm.scenario.scenario_file import load_scenario
 from skyarm.scenario.scenario_record import JointDrive, NamedSensor
-from skyarm.simulate.user_code import require_shapes
+from skyarm.simulate.examine import require_shapes
 from support.components import registry_kept
 
 BASE = load_scenario("case1", duration=0.25)
@@ -165,8 +165,9 @@ def test_every_function_of_every_base_is_looked_at(base):
     for name, given in functions.items():
         assert given.__doc__, f"help(skyarm.{base.__name__}) says nothing about {name}"
         kind = dataclass(frozen=True, kw_only=True)(type("Own", (base,), {"__module__": __name__, name: lambda: 0}))
-        _, words = class_mistake(kind) or ("", "")
-        assert words.startswith(f"cannot be called as {name}("), (name, words)
+        mistake = class_mistake(kind)
+        assert mistake is not None
+        assert mistake.what.startswith(f"cannot be called as {name}("), (name, mistake)
 
 
 def test_a_metric_with_another_start_is_one_line():

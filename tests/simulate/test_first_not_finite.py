@@ -15,10 +15,10 @@ import pytest
 from skyarm.algebra import Vec3
 from skyarm.algebra.scalars import divide, log, maximum, sqrt, where
 from skyarm.dynamics.actuators import Command
+from skyarm.records.files.user_code import first_not_finite
 from skyarm.scenario.scenario_file import scenario_from
 from skyarm.scenario.scenario_record import JointDrive, NamedSensor
 from skyarm.simulate import run
-from skyarm.simulate.first_not_finite import first_line
 from skyarm.simulate.loop import run_in_python
 from skyarm.simulate.session import Session
 from support.components import Blend, Fix, Lag, SteadyWrench, Turbulence, with_law
@@ -156,5 +156,5 @@ def twice(value: Any) -> Any:
 
 
 def test_a_function_that_passes_on_what_it_was_given_is_not_named() -> None:
-    assert first_line(partial(twice, math.nan)) == first_line(partial(twice, 1.0)) == ""
-    assert first_line(partial(twice, 1e308)) == f"{Path(__file__).name}:{line_with('in a function')} (twice)"
+    assert first_not_finite(partial(twice, math.nan)) == first_not_finite(partial(twice, 1.0)) == ""
+    assert first_not_finite(partial(twice, 1e308)) == f"{Path(__file__).name}:{line_with('in a function')} (twice)"

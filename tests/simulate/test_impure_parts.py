@@ -19,9 +19,8 @@ from skyarm.records.registry.plugins import load_plugin
 from skyarm.scenario.scenario_file import LIBRARY, load_scenario
 from skyarm.scenario.scenario_record import JointDrive, NamedSensor, Scenario
 from skyarm.scenario.without_effect import without_effect
-from skyarm.simulate import other_process
-from skyarm.simulate.other_process import TRIED
-from skyarm.simulate.user_code import check_law, require_shapes
+from skyarm.simulate import examine
+from skyarm.simulate.examine import TRIED, check_law, require_shapes
 from support.commands import refused
 from support.commands import skyarm as typed
 from support.components import registry_kept
@@ -297,7 +296,7 @@ def test_what_differs_in_another_process_is_found(tmp_path, monkeypatch, tried_e
 
 def test_the_place_of_two_parts_of_one_class_is_said_once(tmp_path, monkeypatch, tried_elsewhere):
     ended = subprocess.CompletedProcess((), 3, stdout=b"", stderr=b"")
-    monkeypatch.setattr(other_process.subprocess, "run", lambda *_, **_more: ended)
+    monkeypatch.setattr(examine.subprocess, "run", lambda *_, **_more: ended)
     scenario = by_plugin(tmp_path, "force", "1.0")
     with pytest.warns(UserWarning, match=r"^[^,]*mine\.py:\d+: could not be tried in .*: it ended with code 3$"):
         require_shapes(dataclasses.replace(scenario, forces=scenario.forces * 2))
@@ -311,7 +310,7 @@ def test_a_file_that_a_field_names_is_there_too_and_one_process_is_enough(tmp_pa
     Path("../gain.txt").write_text("3.0")
     scenario = by_plugin(tmp_path, "force", "float(np.loadtxt(self.file))", file="../gain.txt")
     begun, before = [], subprocess.run
-    monkeypatch.setattr(other_process.subprocess, "run", lambda *a, **k: begun.append(a) or before(*a, **k))
+    monkeypatch.setattr(examine.subprocess, "run", lambda *a, **k: begun.append(a) or before(*a, **k))
     for _ in range(2):
         require_shapes(scenario)
     assert len(begun) == 1
@@ -398,14 +397,14 @@ def test_what_a_plugin_prints_hides_no_difference(tmp_path, monkeypatch, tried_e
 )
 def test_a_warning_is_where_the_other_process_gives_no_answer(tmp_path, monkeypatch, tried_elsewhere, fails, why):
     monkeypatch.setenv("GAIN_OF_MINE", "2.0")
-    monkeypatch.setattr(other_process, "SECONDS", 2.0 if "sleep" in fails else 60.0)
+    monkeypatch.setattr(examine, "SECONDS", 2.0 if "sleep" in fails else 60.0)
     file = tmp_path / "mine.py"
     file.write_text(text("force", "1.0").replace("CALLS", f"'GAIN_OF_MINE' in os.environ or {fails}\nCALLS", 1))
     scenario = planned("force", load_plugin(file))
     with pytest.warns(UserWarning, match=rf"^{re.escape(str(file))}:\d+: could not be tried in a process .*: {why}"):
         require_shapes(scenario)
     require_shapes(scenario)  # one line is enough
-    monkeypatch.setattr(other_process.sys, "executable", str(tmp_path / "none"))
+    monkeypatch.setattr(examine.sys, "executable", str(tmp_path / "none"))
     TRIED.clear()
     with pytest.warns(UserWarning, match=r"could not be tried in .*: \[Errno 2\]"):
         require_shapes(scenario)

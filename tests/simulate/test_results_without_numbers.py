@@ -19,7 +19,7 @@ from skyarm.scenario.scenario_record import JointDrive, NamedSensor
 from skyarm.sensing.estimate.estimator import Estimator
 from skyarm.sensing.sensor import Sensor
 from skyarm.simulate.check_endings import Ending
-from skyarm.simulate.user_code import require_shapes
+from skyarm.simulate.examine import require_shapes
 from skyarm.world import Air, Force, Wrench
 from support.cases import sampled
 from support.components import registry_kept

@@ -19,7 +19,7 @@ from skyarm.links.ros.ros_link import command_of
 from skyarm.log.metrics.score import score
 from skyarm.log.ros.message_bytes import MessageError
 from skyarm.plant.mujoco_export import mjcf_text
-from skyarm.simulate.user_code import check_law
+from skyarm.simulate.examine import check_law
 
 TOP, FALL = 838.0, 9.8
 BIRD = skyarm.load_scenario("case1", controller="paper_pd", duration=0.05)

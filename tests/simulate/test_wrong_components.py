@@ -17,9 +17,9 @@ from skyarm.scenario.scenario_file import load_scenario
 from skyarm.scenario.scenario_record import JointDrive, NamedSensor
 from skyarm.sensing.estimate.estimator import Estimator
 from skyarm.sensing.sensor import Sensor
-from skyarm.simulate import run, user_code
+from skyarm.simulate import examine, run
 from skyarm.simulate.batch import Batch
-from skyarm.simulate.user_code import require_shapes
+from skyarm.simulate.examine import require_shapes
 from skyarm.world import Air, Force, Wrench
 from support.components import Blend, Ceiling, Fix, Lag, Servo, Tether, Turbulence
 
@@ -194,7 +194,7 @@ def test_what_is_right_passes_the_check_and_flies():
         drives=(JointDrive(joint="joint1", drive=Lag()), JointDrive(joint="joint2", drive=Servo())),
         endings=(Ceiling(height=5.0),),
     )
-    tried = [part.place for part, _ in user_code._parts(scenario)]
+    tried = [part.place for part in examine._parts(scenario)]
     assert tried == [
         *("environment.air[0]", "environment.forces[0]", "plant.drives.joint1", "plant.drives.joint2"),
         *("sensors.fix", "estimator", "endings[0]"),
@@ -208,4 +208,4 @@ def test_every_body_of_the_vehicle_may_be_pushed(body):
 
 
 def test_what_ships_is_not_checked():
-    assert list(user_code._parts(load_scenario("case3_wind"))) == []
+    assert list(examine._parts(load_scenario("case3_wind"))) == []

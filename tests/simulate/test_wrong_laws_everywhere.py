@@ -17,8 +17,8 @@ from skyarm.control.safety import with_safety_layer
 from skyarm.records.registry.plugins import load_plugin, register_law_of_file
 from skyarm.scenario.scenario_file import load_scenario
 from skyarm.simulate.batch import Batch
+from skyarm.simulate.examine import check_law
 from skyarm.simulate.loop import run, run_in_python
-from skyarm.simulate.user_code import check_law
 from skyarm.studies.stability.flight_margins import evidence
 from support.components import RESULTS, STATES, TRACES, WITHOUT_FLIGHT, Mistake, registry_kept
 
@@ -140,7 +140,7 @@ def test_shipped_laws_are_not_checked(monkeypatch):
     from skyarm.control.catalogue import LAWS
     from skyarm.control.law_checks import checked_law, is_own
 
-    monkeypatch.setattr(law_checks, "compare_with_floats", lambda *_, **__: pytest.fail("was checked"))
+    monkeypatch.setattr(law_checks, "trace", lambda *_, **__: pytest.fail("was checked"))
     scenario = load_scenario("case1", controller="paper_ct", duration=0.05)
     check_law(scenario)
     model = scenario.controller.par.model

@@ -38,6 +38,7 @@ from skyarm.scenario.numbers import number_at, with_numbers
 from skyarm.scenario.scenario_checks import require_flight
 from skyarm.scenario.scenario_record import Scenario, ScenarioError, noise_key
 from skyarm.simulate.batch_leg import lane_statuses
+from skyarm.simulate.examine import require_shapes
 from skyarm.simulate.first_state import first_loop_state
 from skyarm.simulate.inputs import held_row
 from skyarm.simulate.lane_numbers import (
@@ -55,7 +56,6 @@ from skyarm.simulate.loop_state import InputRow, LoopState, structure_of
 from skyarm.simulate.period import make_period
 from skyarm.simulate.program import LoopProgram, TracedPeriod
 from skyarm.simulate.stages import Stages
-from skyarm.simulate.user_code import require_shapes
 
 ENGINES = ("floats", "numpy", "jax", "casadi", "trace")
 

@@ -1,6 +1,6 @@
-"""Drawing of the house: every room of ``src/skyarm`` with one sentence, and which room imports which.
+"""Map of the house: every room of ``src/skyarm`` with one sentence, its imports, and the file to read first.
 
-    python tests/website/house_map.py     writes docs/images/house.svg
+    python tests/website/house_map.py     writes docs/images/house.svg and the table of CONTRIBUTING.md
 
 Rooms and their order are those of the import contract in ``pyproject.toml``, the arrows are the imports of the source.
 An arrow that a longer way along others implies is not drawn. Rooms are ranked by their longest way down; a long arrow
@@ -21,6 +21,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
 SOURCE, DRAWING = ROOT / "src", ROOT / "docs" / "images" / "house.svg"
+PAGE = ROOT / "CONTRIBUTING.md"
 STYLE = "<style>svg{color:#222}@media (prefers-color-scheme:dark){svg{color:#ddd}}</style>"
 WIDTH, HEIGHT = 186, 62  # of a room, px
 PASSAGE = 14  # of a long arrow, px
@@ -62,6 +63,41 @@ SENTENCES = {
     "view.pages": "reports as pages",
 }
 """One sentence a room; a room without one is refused."""
+FIRST = {
+    "__main__": "__main__.py",
+    "cli": "cli/run_command.py",
+    "links": "links/autopilots/flight.py",
+    "identify": "identify/identify_flights.py",
+    "paper": "paper/equations.py",
+    "studies.tune": "studies/tune/tuning.py",
+    "studies.compare": "studies/compare/suite.py",
+    "studies.assess": "studies/assess/assessment.py",
+    "view.film": "view/film/film_flights.py",
+    "envs": "envs/env_task.py",
+    "view.figures": "view/figures/flight_plot.py",
+    "studies.trial": "studies/trial/trial.py",
+    "studies.stability": "studies/stability/margins.py",
+    "studies.sweep": "studies/sweep/study.py",
+    "view.studio": "view/studio/page.py",
+    "studies.flights": "studies/flights/work.py",
+    "simulate": "simulate/period.py",
+    "scenario": "scenario/scenario_record.py",
+    "flight_data": "flight_data/flight_data.py",
+    "planning": "planning/planner.py",
+    "control": "control/controller.py",
+    "log": "log/flight_log.py",
+    "plant": "plant/interface.py",
+    "sensing": "sensing/sensor.py",
+    "world": "world/component.py",
+    "reference": "reference/trajectory.py",
+    "dynamics": "dynamics/articulated_body.py",
+    "compile": "compile/tracing/program.py",
+    "vehicle": "vehicle/vehicle_records.py",
+    "records": "records/immutable.py",
+    "algebra": "algebra/vector.py",
+    "view.pages": "view/pages/sections.py",
+}
+"""File of each room with which to begin to read."""
 
 
 @dataclass(eq=False)
@@ -79,11 +115,16 @@ class Place:
         return WIDTH if self.name else PASSAGE
 
 
-def rooms() -> list[str]:
-    """Names of the rooms without the package's, from the top down, as the import contract has them."""
+def floors() -> list[list[str]]:
+    """Names of the rooms of each floor without the package's, from the top down, as the import contract has them."""
     settings = tomllib.loads((ROOT / "pyproject.toml").read_text())
     contract = next(c for c in settings["tool"]["importlinter"]["contracts"] if c["id"] == "house")
-    return [each.strip().removeprefix("skyarm.") for row in contract["layers"] for each in row.split("|")]
+    return [[each.strip().removeprefix("skyarm.") for each in row.split("|")] for row in contract["layers"]]
+
+
+def rooms() -> list[str]:
+    """Names of the rooms from the top down."""
+    return [room for floor in floors() for room in floor]
 
 
 def room_of(module: str, names: list[str]) -> str | None:
@@ -232,6 +273,26 @@ def drawing() -> str:
     )
 
 
+HEAD = "| floor | room | what is in it | begin to read |\n"
+
+
+def table() -> str:
+    """The house as a table of Markdown, the top floor first."""
+    rows = [
+        f"| {len(floors()) - 1 - i} | `{room}` | {SENTENCES[room]} | `{FIRST[room]}` |\n"
+        for i, floor in enumerate(floors())
+        for room in floor
+    ]
+    return "".join([HEAD, "| --- | --- | --- | --- |\n", *rows])
+
+
+def with_table(page: str) -> str:
+    """Text of a page with the table of today in place of the one that it has."""
+    before, _, after = page.partition(HEAD)
+    return before + table() + "\n" + after.partition("\n\n")[2]
+
+
 if __name__ == "__main__":
     DRAWING.write_text(drawing())
-    print(DRAWING.relative_to(ROOT))
+    PAGE.write_text(with_table(PAGE.read_text()))
+    print(DRAWING.relative_to(ROOT), PAGE.relative_to(ROOT))

@@ -1,18 +1,46 @@
-"""The drawing of the house that CONTRIBUTING.md shows is that of today's imports."""
+"""The drawing and the table of the house that CONTRIBUTING.md shows are those of today's rooms and imports."""
 
 from __future__ import annotations
 
 from itertools import pairwise
 
 import house_map
+import pytest
 
 
 def test_the_drawing_is_that_of_the_imports() -> None:
     assert house_map.DRAWING.read_text() == house_map.drawing(), "run python tests/website/house_map.py"
 
 
-def test_every_room_has_a_sentence() -> None:
-    assert sorted(house_map.SENTENCES) == sorted(house_map.rooms())
+def test_the_table_of_the_page_is_that_of_the_rooms() -> None:
+    assert house_map.table() in house_map.PAGE.read_text(), "run python tests/website/house_map.py"
+    assert house_map.with_table(house_map.PAGE.read_text()) == house_map.PAGE.read_text()
+    assert max(map(len, house_map.table().splitlines())) <= 100
+
+
+def test_every_room_has_a_sentence_and_a_file_of_its_own_to_begin_with() -> None:
+    assert sorted(house_map.SENTENCES) == sorted(house_map.FIRST) == sorted(house_map.rooms())
+    for room, file in house_map.FIRST.items():
+        assert (house_map.SOURCE / "skyarm" / file).is_file(), file
+        module = f"skyarm.{file.removesuffix('.py').replace('/', '.')}"
+        assert house_map.room_of(module, house_map.rooms()) == room
+
+
+def test_every_folder_of_the_package_is_a_room_or_holds_rooms() -> None:
+    inside = {room.partition(".")[0] for room in house_map.rooms()} - {"__main__"}
+    assert inside == {path.parent.name for path in (house_map.SOURCE / "skyarm").glob("*/__init__.py")}
+
+
+@pytest.mark.parametrize("rooms", ["SENTENCES", "FIRST"])
+def test_a_room_that_is_missing_is_found(rooms: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delitem(getattr(house_map, rooms), "simulate")
+    with pytest.raises(KeyError, match="simulate"):
+        house_map.table()
+
+
+def test_a_room_imports_lower_floors_only() -> None:
+    floor = {room: i for i, row in enumerate(house_map.floors()) for room in row}
+    assert all(floor[room] < floor[other] for room, others in house_map.imports().items() for other in others)
 
 
 def test_an_arrow_that_a_longer_way_implies_is_not_drawn() -> None:

@@ -30,7 +30,7 @@ from skyarm.records.files import must_be_one_of, shown
 from skyarm.records.registry import names as registered
 from skyarm.records.registry.plugins import loaded_plugins
 from skyarm.scenario.scenario_file import kind_of_file
-from skyarm.simulate.user_code import check_law
+from skyarm.simulate.examine import check_law
 from skyarm.studies.compare.compare_laws import SUITES, suite_of
 from skyarm.studies.compare.comparison import SUITE
 from skyarm.studies.compare.contact_suite import CONTACT, QUICK, WORLDS

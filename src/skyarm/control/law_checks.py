@@ -21,7 +21,14 @@ import numpy as np
 
 from skyarm.algebra import Scalar, Vec3
 from skyarm.compile import Node, TracedBranchError
-from skyarm.compile.tracing.float_trial import OUTSIDE, PERIODS, compare_with_floats
+from skyarm.compile.tracing.fingerprint import (
+    OUTSIDE,
+    changed_argument,
+    contents,
+    fingerprint,
+    in_floats,
+)
+from skyarm.compile.tracing.program import trace
 from skyarm.control.controller import Controller, ControllerError, Law
 from skyarm.control.model import Model
 from skyarm.dynamics.actuators import Command
@@ -47,6 +54,12 @@ TRACED = "cannot be traced"
 ALLOWED = "must use + - * / and the functions of skyarm.algebra.scalars"
 
 AS_FLOATS = "or Controller(compiled=False), which calls it with floats"
+
+
+PERIODS = 20
+"""Number of control periods over which a traced law is compared with its evaluation on floats."""
+
+Numbers = tuple[float, ...]
 
 
 class LawError(ControllerError):
@@ -293,16 +306,52 @@ def try_law(controller: Controller, period: float, seen: Measurement, wanted: Se
     def step(memory: Any, measured: Measurement, reference: Reference) -> tuple[Any, Command]:
         return law(memory, measured, reference, period, par=par)
 
-    compare_with_floats(
-        step,
-        controller.memory,
-        # a flight may have fewer periods
-        list(zip(_drifting(seen, period), wanted, strict=False)),
-        lambda words: wrong(controller, words),
-        constants=par,
-        names=("memory", "measurement", "reference", "par"),
-        first=lambda instant, command: _require_numbers(controller, instant, command),
-    )
+    start = in_floats(controller.memory)
+    # a flight may have fewer periods
+    instants = list(zip(_drifting(seen, period), wanted, strict=False))
+    expected = _results_with_floats(controller, step, start, instants)
+    program = trace(step, start, *instants[0])
+    now: Numbers = tuple(leaves(start))
+    for k, instant in enumerate(instants):
+        numbers = program.flat((*now, *leaves(instant)))
+        if k == 0:
+            _require_numbers(controller, instant, numbers[len(now) :])
+        if k < len(expected) and not _same_numbers(numbers, expected[k]):
+            raise wrong(controller, f"gives other numbers as a program in period {k} than with floats: {OUTSIDE}")
+        now = numbers[: len(now)]
+    if fingerprint(step, start, *instants[0]) != fingerprint(step, start, *instants[0]):
+        raise wrong(controller, f"gives another program in period 0 whenever it is traced: {OUTSIDE}")
+
+
+def _results_with_floats(
+    controller: Controller,
+    step: Callable[..., tuple[Tree, Command]],
+    memory: Tree,
+    instants: Sequence[tuple[Measurement, Reference]],
+) -> list[Numbers]:
+    """Results of a law called with floats for several periods, until an arithmetic error ends the calls."""
+    results: list[Numbers] = []
+    for k, (measured, reference) in enumerate(instants):
+        given = {"memory": memory, "measurement": measured, "reference": reference, "par": controller.par}
+        before = contents(given)
+        try:
+            result = step(memory, measured, reference)
+        except ArithmeticError:
+            break  # floats refuse 1 / 0, a program goes on with inf
+        if (name := changed_argument(given, before)) is not None:
+            raise wrong(controller, f"writes to its argument {name!r} in period {k}: must return new records")
+        numbers, memory = leaves(result), result[0]
+        if any(isinstance(number, Node) for number in numbers):
+            raise wrong(controller, f"gives a number of an earlier trace in period {k}: {OUTSIDE}")
+        results.append(tuple(map(float, numbers)))
+    return results
+
+
+def _same_numbers(first: Sequence[Scalar], second: Sequence[Scalar]) -> bool:
+    """True if two sequences contain the same numbers; NaN equals NaN."""
+    if len(first) != len(second):
+        return False
+    return all(a is b or a == b or (a != a and b != b) for a, b in zip(first, second, strict=True))  # noqa: PLR0124
 
 
 def _require_numbers(controller: Controller, instant: tuple[Tree, ...], command: Sequence[float]) -> None:

@@ -19,8 +19,8 @@ from skyarm.scenario.payload_tables import scheduled_changes
 from skyarm.scenario.scenario_checks import require_flight
 from skyarm.scenario.scenario_file import load_scenario
 from skyarm.scenario.scenario_record import Scenario, ScenarioError
+from skyarm.simulate.examine import require_shapes
 from skyarm.simulate.lane_numbers import require_rigid_body
-from skyarm.simulate.user_code import require_shapes
 
 Info = dict[str, Any]
 """Information of a reset or a step next to its numbers, as in Gymnasium."""

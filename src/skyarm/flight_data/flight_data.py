@@ -18,7 +18,7 @@ from skyarm.records.files import PathLike, must_be_one_of, one_line, require_fil
 from skyarm.records.files.messages import comma_list
 from skyarm.records.immutable import immutable, positional
 from skyarm.records.registry import RegistryError, find, names
-from skyarm.records.registry.class_signatures import flight_format_mistake, refuse_mistake
+from skyarm.records.registry.contract import kind_mistake, refuse_mistake
 from skyarm.records.units import Unit
 
 PLACE = ("place.x", "place.y", "place.z")
@@ -300,7 +300,7 @@ def format_name(path: PathLike) -> str:
 
 def _checked(name: str, registered: object) -> FlightFormat:
     """Check that a registered format is a FlightFormat, and return it."""
-    refuse_mistake(flight_format_mistake(registered), "flight_format", name)
+    refuse_mistake(kind_mistake("flight_format", registered), "flight_format", name)
     if not isinstance(registered, FlightFormat):
         raise RegistryError(
             f"flight_format {name!r}: is {shown(registered)}: must be FlightFormat(read, suffixes, begins)"

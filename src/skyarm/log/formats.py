@@ -25,7 +25,7 @@ from skyarm.records.files.user_code import require_result
 from skyarm.records.files.writing import writing_atomically
 from skyarm.records.immutable import positional
 from skyarm.records.registry import RegistryError, find, names
-from skyarm.records.registry.class_signatures import format_mistake, refuse_mistake
+from skyarm.records.registry.contract import kind_mistake, refuse_mistake
 
 
 @positional
@@ -149,7 +149,7 @@ def _format(suffix: str, at: str, allowed: Sequence[str]) -> LogFormat:
     if suffix not in allowed:
         raise RegistryError(f"{at}: suffix {shown(suffix)}: {must_be_one_of(allowed, suffix)}")
     log_format: LogFormat = find("log_format", suffix)
-    refuse_mistake(format_mistake(log_format), "log_format", suffix)
+    refuse_mistake(kind_mistake("log_format", log_format), "log_format", suffix)
     return log_format
 
 

@@ -21,6 +21,7 @@ from skyarm.scenario.scenario_checks import require_flight
 from skyarm.scenario.scenario_record import Scenario, noise_key
 from skyarm.simulate.batch_leg import Leg, LegOptions, Tallies
 from skyarm.simulate.batch_log import BatchLog, Logged, batch_logs
+from skyarm.simulate.examine import require_shapes
 from skyarm.simulate.lane_numbers import (
     LaneRules,
     lane_columns,
@@ -34,7 +35,6 @@ from skyarm.simulate.lane_numbers import (
     warn_of_measured_limits,
 )
 from skyarm.simulate.loop_state import LoopState
-from skyarm.simulate.user_code import require_shapes
 
 
 @positional

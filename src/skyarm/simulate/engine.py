@@ -38,6 +38,7 @@ from skyarm.scenario.scenario_record import Scenario
 from skyarm.sensing.measurement import Measurement
 from skyarm.simulate.assemble_log import Piece
 from skyarm.simulate.check_endings import Ended, ending_of_command, failed_phase, find_ending
+from skyarm.simulate.examine import require_shapes
 from skyarm.simulate.first_state import component_places, first_surroundings
 from skyarm.simulate.flight_recorder import FlightRecorder
 from skyarm.simulate.inputs import FlightInputs
@@ -62,7 +63,6 @@ from skyarm.simulate.program import (
 from skyarm.simulate.reference_clock import clocks_of_change
 from skyarm.simulate.stages import Stages
 from skyarm.simulate.stored_programs import FlightProgram, load_program, note_repeat, program_name, store_program
-from skyarm.simulate.user_code import require_shapes
 
 PIECE = 0.1
 """Duration (s) of flight between two checks for Ctrl-C."""

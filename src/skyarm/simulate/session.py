@@ -10,6 +10,7 @@ from typing import Any
 from skyarm.dynamics.actuators import Command
 from skyarm.log.flight_log import Log
 from skyarm.records.files import errors_as, shown
+from skyarm.records.files.user_code import first_not_finite
 from skyarm.records.immutable import positional
 from skyarm.records.leaves import mismatch
 from skyarm.records.path_names import word_of
@@ -22,12 +23,11 @@ from skyarm.simulate.check_endings import running_status
 from skyarm.simulate.command_delay import numbers_of_command, rotor_numbers
 from skyarm.simulate.course import Course
 from skyarm.simulate.engine import Engine, EngineState
-from skyarm.simulate.first_not_finite import first_line
+from skyarm.simulate.examine import has_own
 from skyarm.simulate.flight_instant import FlightInstant
 from skyarm.simulate.flight_programs import FlightPrograms
 from skyarm.simulate.lane_numbers import require_paths
 from skyarm.simulate.reference_clock import other_references
-from skyarm.simulate.user_code import has_own
 
 
 @positional
@@ -190,7 +190,7 @@ class Session(FlightInstant):
             # a number may be on its way for some periods, as in a sensor's delay
             while again.tick < self.tick and again.step() and not again._engine.has_nan:
                 before, now = again._engine, again.now
-            if line := first_line(lambda: before.evaluate(before.evaluate(now))):
+            if line := first_not_finite(lambda: before.evaluate(before.evaluate(now))):
                 engine.ended = replace(ended, cause=f"{ended.cause}; first in {line}")
         return False
 

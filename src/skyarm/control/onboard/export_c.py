@@ -20,9 +20,8 @@ from skyarm.algebra import Scalar, Scalars
 from skyarm.algebra.scalars import absolute, logical_and, logical_or
 from skyarm.compile import Program, trace
 from skyarm.compile.c_source import Floats, StepFile, Struct, Units, make_struct
-from skyarm.compile.tracing.float_trial import PERIODS
 from skyarm.control.controller import Controller, learns_load, part_of, presses, preview_leads, senses_force
-from skyarm.control.law_checks import check_controller, checked_law, level, try_law
+from skyarm.control.law_checks import PERIODS, check_controller, checked_law, level, try_law
 from skyarm.control.model import TORQUE_GAINS
 from skyarm.control.vectored_layer import turns_rotors
 from skyarm.dynamics.actuators import Command

@@ -19,7 +19,7 @@ from skyarm.records import coerce
 from skyarm.records.files.user_code import place_of
 from skyarm.records.leaves import Tree, leaves, named_parts, rebuild
 from skyarm.records.registry import RegistryError, find
-from skyarm.records.registry.class_signatures import class_mistake, refuse_mistake
+from skyarm.records.registry.contract import class_mistake, refuse_mistake
 
 HUGE = 1e300
 

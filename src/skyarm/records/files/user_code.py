@@ -1,20 +1,24 @@
-"""User code: source file and line of a function or an error, and digests of source files."""
+"""User code: source file and line of a function, an error or the first number that is not finite; digests of files."""
 
 from __future__ import annotations
 
 import functools
 import hashlib
 import linecache
+import math
 import os
+import sys
 import traceback
 import types
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
 from pathlib import Path
 from traceback import walk_tb
-from typing import NamedTuple, TypeVar
+from typing import Any, NamedTuple, TypeAlias, TypeVar
 
+from skyarm.algebra import Vec3
 from skyarm.records.files.messages import one_line, shown
+from skyarm.records.leaves import leaves
 
 PACKAGE = f"{os.path.dirname(os.path.dirname(os.path.dirname(__file__)))}{os.sep}"
 """Folder of the library's own code."""
@@ -207,6 +211,68 @@ def _frames(error: BaseException) -> list[StackFrame]:
 def place_of_error(error: BaseException) -> str:
     """File and line of the innermost user code in an error's stack trace; empty without any."""
     return next((frame.place for frame in reversed(_frames(error)) if frame.own), "")
+
+
+CONSTANTS = "self", "par"
+"""Arguments whose numbers a period does not change; limits among them may be infinite."""
+
+
+Trace: TypeAlias = Callable[[types.FrameType, str, Any], "Trace | None"]
+"""Trace function of Python: called with a frame, an event, and its value or error."""
+
+
+def first_not_finite(period: Callable[[], object]) -> str:
+    """First line of user code in a function called with floats that gives inf or NaN from finite arguments.
+
+    Args:
+        period: function that may raise; the user's own 1 / 0 is such a line.
+
+    Returns:
+        ``file.py:12 (law): name is nan``, with the variable where there is one; empty without such a line.
+    """
+    lines, debugger = list[str](), sys.gettrace()
+
+    def enter(frame: types.FrameType, _event: str, _value: object) -> Trace | None:
+        given = (value for name, value in frame.f_locals.items() if name not in CONSTANTS)
+        if not is_own(frame.f_code, frame.f_globals.get("__name__", "")) or any(map(_not_finite, given)):
+            return None
+        line, last, begun, first = frame.f_lineno, "", len(lines), dict[str, str]()
+
+        def step(frame: types.FrameType, event: str, value: Any) -> Trace:
+            nonlocal line, last
+            code = frame.f_code
+            place = f"{Path(code.co_filename).name}:{line} ({code.co_qualname.replace('<locals>.', '')})"
+            for name, each in frame.f_locals.items():
+                if (isinstance(each, (float, Vec3)) or hasattr(each, "tolist")) and (kind := _not_finite(each)):
+                    first.setdefault(kind, f"{place}: {name} is {kind}")
+            if event == "exception" and issubclass(value[0], ArithmeticError):
+                lines.append(f"{place}: {value[1]}")
+            elif event == "return" and last != "exception":
+                del lines[begun:]  # what was not finite on the way to a finite result is meant
+                if kind := _not_finite(value):
+                    lines.append(first.get(kind, place))
+            line, last = frame.f_lineno, event
+            return step
+
+        return step
+
+    sys.settrace(enter)
+    try:
+        period()
+    except Exception:
+        pass
+    finally:
+        sys.settrace(debugger)
+    return lines[0] if lines else ""
+
+
+def _not_finite(value: object) -> str:
+    """Worst non-finite number in a value: "nan", else "inf"; empty if all numbers are finite."""
+    value = value.tolist() if hasattr(value, "tolist") else getattr(value, "state", value)  # of a motion
+    if isinstance(value, float):
+        return "" if math.isfinite(value) else str(abs(value))
+    parts = value if isinstance(value, list) else leaves(value)
+    return max((_not_finite(part) for part in parts if part is not value), default="")
 
 
 MISSING = "missing"

@@ -17,6 +17,7 @@ from importlib.abc import SourceLoader
 from importlib.machinery import ModuleSpec
 from importlib.util import module_from_spec, spec_from_file_location, spec_from_loader
 from pathlib import Path
+from traceback import walk_tb
 from types import CodeType, ModuleType
 from typing import Any
 
@@ -31,7 +32,7 @@ from skyarm.records.files.user_code import (
     number_duplicates,
 )
 from skyarm.records.immutable import positional
-from skyarm.records.registry.class_signatures import refuse_mistake, thing_mistake
+from skyarm.records.registry.contract import kind_mistake, refuse_mistake
 from skyarm.records.registry.registrations import (
     API,
     AT_FIRST_USE,
@@ -235,12 +236,8 @@ def _where(error: BaseException, file: Path) -> str:
     """Text with the line of a plugin's file at which an error occurred."""
     if isinstance(error, SyntaxError):
         return f"line {error.lineno}: " if error.lineno else ""
-    trace, line = error.__traceback__, 0
-    while trace is not None:
-        if trace.tb_frame.f_code.co_filename == str(file):
-            line = trace.tb_lineno
-        trace = trace.tb_next
-    return f"line {line}: " if line else ""
+    lines = [line for frame, line in walk_tb(error.__traceback__) if frame.f_code.co_filename == str(file)]
+    return f"line {lines[-1]}: " if lines else ""
 
 
 def _words(error: BaseException) -> str:
@@ -259,8 +256,9 @@ def _require_right(source: str) -> None:
     """Raise an error if an object that a plugin registered does not have the required signature."""
     for kind in KINDS:
         for row in registrations(kind).values():
-            if row.source == source:
-                refuse_mistake(thing_mistake(kind, row.target), kind, row.name)
+            # a text is where it is found, which nobody has read yet
+            if row.source == source and not isinstance(row.target, str):
+                refuse_mistake(kind_mistake(kind, row.target), kind, row.name)
 
 
 FROM_FILE = re.compile(r"(?P<file>.+\.py):(?P<maker>[A-Za-z_]\w*)")

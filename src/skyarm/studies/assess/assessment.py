@@ -26,7 +26,7 @@ from skyarm.scenario.unlikely_numbers import (
     unlikely_units,
 )
 from skyarm.scenario.without_effect import WithoutEffectWarning
-from skyarm.simulate.user_code import require_shapes
+from skyarm.simulate.examine import require_shapes
 from skyarm.studies.assess.along_reference import along_reference
 from skyarm.studies.assess.arm_poses import POSES, ArmPoses, arm_poses
 from skyarm.studies.assess.causes import causes_first

@@ -15,7 +15,7 @@ from contextlib import contextmanager, suppress
 from skyarm.records.files.user_code import OwnCodeError, own_failure
 from skyarm.records.registry import RegistryError
 from skyarm.records.travel import luggage, pack, unload, unpack
-from skyarm.simulate.other_process import TRIED
+from skyarm.simulate.examine import TRIED
 from skyarm.studies.flights.work import Arguments, Work
 
 Call = tuple[Callable[..., bytes], tuple[object, ...]]

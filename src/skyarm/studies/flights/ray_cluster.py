@@ -24,7 +24,7 @@ from typing import TYPE_CHECKING
 from skyarm.records.files import needs_extra, shown, versions
 from skyarm.records.registry import RegistryError
 from skyarm.records.travel import luggage, pack, unpack
-from skyarm.simulate.other_process import TRIED
+from skyarm.simulate.examine import TRIED
 from skyarm.studies.flights.processes import MOST_TRIES, equip, perform
 from skyarm.studies.flights.work import Arguments, Work, kinship
 
