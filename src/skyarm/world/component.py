@@ -19,7 +19,7 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Annotated, Generic, NamedTuple, Self, TypeVar, cast
 
 from skyarm.algebra import ZERO3, Scalar, Scalars, Vec3
-from skyarm.algebra.scalars import add, mul, where
+from skyarm.algebra.scalars import add, divide, maximum, mul, sqrt, where
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.dynamics.state import State
 from skyarm.records.field_rules import accept_fields
@@ -80,6 +80,12 @@ def moved_by(memory: Memory, slope: Memory, dt: Scalar) -> Memory:
 def select(condition: Scalar, a: Vec3, b: Vec3) -> Vec3:
     """Vector ``a`` where a condition holds, else ``b``."""
     return Vec3(*(where(condition, x, y) for x, y in zip(a, b, strict=True)))
+
+
+def shorten(vector: Vec3, most: Scalar) -> Vec3:
+    """Vector scaled down to a given length if it is longer; zero for a length of zero."""
+    # the square added: the slope of a root is infinite at zero
+    return vector * divide(most, maximum(sqrt(vector.dot(vector) + 1e-24), most))
 
 
 def require_frame(vehicle: Vehicle, frame: str) -> None:
