@@ -34,7 +34,8 @@ from skyarm.reference.trajectory import Trajectory
 from skyarm.vehicle import Vehicle
 from skyarm.world.component import Column, Component
 from skyarm.world.contact.carrier import CarriedFrame
-from skyarm.world.contact.contact import Contact, ContactMemory
+from skyarm.world.contact.contact import Contact
+from skyarm.world.contact.contact_memory import ContactMemory
 from skyarm.world.team.virtual_masses import FLOOR, SMALL, Member, VirtualMasses
 
 NEAREST = 0.01
@@ -349,7 +350,7 @@ class Team(VirtualMasses, Component[TeamMemory]):
             return memory
         index = [each.name for each in contact.carriers].index(self.object)
         body = contact.carriers[index].frame(touching.carried[index])
-        ours = [(grasp, by.force) for grasp, of, by, _ in contact.pulls(touching, motion, t) if of == index]
+        ours = [(grasp, by.force) for grasp, of, by, _ in contact.gripping.pulls(touching, motion, t) if of == index]
         by_agent = {grasp.agent: force for grasp, force in ours}
         closed = {grasp.agent: where(t < grasp.release, 1.0, 0.0) for grasp, _ in ours}
         pulls = [by_agent.get(each.agent, ZERO3) for each in self.members]
