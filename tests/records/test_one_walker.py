@@ -10,7 +10,7 @@ import skyarm
 from skyarm.control.catalogue import LAWS, make_controller, rescale
 from skyarm.control.controller import ControllerError
 from skyarm.control.model import Model
-from skyarm.records.leaves import is_leaf, leaves, mismatch, named_leaves, pairs, part, parts, replace_at, walk
+from skyarm.records.leaves import as_data, is_leaf, leaves, mismatch, named_leaves, pairs, part, parts, replace_at, walk
 from skyarm.records.path_names import NumberView, below
 from skyarm.records.units import Unit
 
@@ -55,6 +55,14 @@ def test_names_of_leaves_read_like_python() -> None:
         *("rows[0][0]", "rows[0][1]", "rows[1][0]", "inner[0].gain", "inner[1].gain")
     ]
     assert [name for name, _ in named_leaves((1.0,), "memory")] == ["memory[0]"]
+
+
+def test_data_are_the_same_record_with_floats_for_integers_alone() -> None:
+    found = as_data(Outer(((1, -2.5), ()), (Inner(0),)))
+    assert found == Outer(((1.0, -2.5), ()), (Inner(0.0, 2.0),))
+    assert leaves(found) == [1.0, -2.5, 0.0, 2.0]
+    assert as_data((True, None, "x", 3)) == (True, None, "x", 3.0)
+    assert [type(each) for each in as_data((True, 3))] == [bool, float]
 
 
 def test_parts_are_fields_or_items_and_nothing_of_a_scalar() -> None:

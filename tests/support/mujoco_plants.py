@@ -52,7 +52,8 @@ from skyarm.plant.surroundings import Surroundings, Together, coupled_places
 from skyarm.records.leaves import field_names, leaves
 from skyarm.vehicle.vehicle_records import Vehicle, require_plant
 from skyarm.world.contact.carrier import Carrier
-from skyarm.world.contact.contact import Contact, ContactMemory
+from skyarm.world.contact.contact import Contact
+from skyarm.world.contact.contact_memory import ContactMemory
 from skyarm.world.contact.free_object import FreeObject
 from skyarm.world.contact.material import Material
 from skyarm.world.contact.mechanism import Mechanism

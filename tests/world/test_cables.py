@@ -18,7 +18,8 @@ from skyarm.reference.object_motion import motion_of_object
 from skyarm.world.contact.carrier import CarriedFrame
 from skyarm.world.team.decentralised import Decentralised
 from skyarm.world.team.object_wrench import ObjectWrench
-from skyarm.world.team.team import Member, TeamInputs
+from skyarm.world.team.team import TeamInputs
+from skyarm.world.team.virtual_masses import Member
 from support.cables import BAR, HALF, HANGING, SWINGING, beam, figure_eight, on_cables, rate_of_beam, roll, thapa
 
 RODS = {"left": (0.0, HALF, 0.0097), "right": (0.0, -HALF, 0.0097)}

@@ -24,7 +24,8 @@ from skyarm.world.contact.carrier import CarriedFrame
 from skyarm.world.team.decentralised import Decentralised, MemberState
 from skyarm.world.team.leader_follower import LeaderFollower
 from skyarm.world.team.object_wrench import ObjectWrench
-from skyarm.world.team.team import Member, Team, TeamInputs, load_fraction, weight_of
+from skyarm.world.team.team import Team, TeamInputs, load_fraction, weight_of
+from skyarm.world.team.virtual_masses import Member
 
 DT = 0.005
 BAR = [(-0.55, 0.0, 0.02), (0.55, 0.0, 0.02)]

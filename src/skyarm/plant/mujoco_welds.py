@@ -40,7 +40,7 @@ from skyarm.vehicle import Vehicle
 
 if TYPE_CHECKING:
     from skyarm.world.contact.closed_contact import ClosedContact
-    from skyarm.world.contact.contact import ContactMemory
+    from skyarm.world.contact.contact_memory import ContactMemory
 
 IMPEDANCE = 1e-4
 """Impedance d of the constraints, the least that MuJoCo takes."""

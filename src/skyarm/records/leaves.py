@@ -10,7 +10,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from enum import Enum
-from typing import Any, ClassVar, Protocol, TypeAlias, TypeGuard, TypeVar
+from typing import Any, ClassVar, Protocol, TypeAlias, TypeGuard, TypeVar, cast
 
 from skyarm.algebra import Scalar
 from skyarm.algebra.scalars import where
@@ -136,6 +136,15 @@ def rebuild(template: Record, values: Iterator[object]) -> Record:
     """Copy of a nested dataclass with its scalars replaced, in order, by given values."""
     result: Record = _rebuild(template, values)
     return result
+
+
+def as_data(record: Record) -> Record:
+    """Copy of nested dataclasses with floats for integers, which are structure: all numbers of a memory may vary."""
+    if isinstance(record, tuple):
+        return cast("Record", tuple(map(as_data, record)))
+    if is_record(record):
+        return type(record)(**{name: as_data(value) for name, value in parts(record).items()})
+    return cast("Record", float(record)) if type(record) is int else record  # type: ignore[arg-type]
 
 
 def shaped_like(template: Record, values: Sequence[object]) -> Record:

@@ -19,7 +19,7 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Annotated, Generic, NamedTuple, Self, TypeVar, cast
 
 from skyarm.algebra import ZERO3, Scalar, Scalars, Vec3
-from skyarm.algebra.scalars import add, mul, where
+from skyarm.algebra.scalars import add, divide, maximum, mul, sqrt, where
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.dynamics.state import State
 from skyarm.records.field_rules import accept_fields
@@ -82,6 +82,12 @@ def select(condition: Scalar, a: Vec3, b: Vec3) -> Vec3:
     return Vec3(*(where(condition, x, y) for x, y in zip(a, b, strict=True)))
 
 
+def shorten(vector: Vec3, most: Scalar) -> Vec3:
+    """Vector scaled down to a given length if it is longer; zero for a length of zero."""
+    # the square added: the slope of a root is infinite at zero
+    return vector * divide(most, maximum(sqrt(vector.dot(vector) + 1e-24), most))
+
+
 def require_frame(vehicle: Vehicle, frame: str) -> None:
     """Refuse the name of a frame that the vehicle lacks; an empty name refers to the vehicle's tip.
 
@@ -105,7 +111,65 @@ Event = tuple[str, float, float]
 """Event to mark in pictures of a flight: text, start (s) and stop (s)."""
 
 
-class Component(Generic[Memory]):
+class StepLimits(Generic[Memory]):
+    """Base class of environment models: how long their integration steps may be, and when longer ones are stable.
+
+    An interval is *far* from contact, *calm* while grasps alone act, *near* contact, or one in which something *hits*:
+    each has its steps, from the longest to the shortest.
+    """
+
+    __slots__ = ()
+
+    largest_step: Scalar | None = None
+    """Longest stable integration step (s) of the environment model; None for no limit. May be a field or a property."""
+
+    @property
+    def largest_euler_step(self) -> Scalar | None:
+        """Longest stable integration step (s) of the model under semi-implicit Euler; None for no limit."""
+        return self.largest_step
+
+    @property
+    def largest_verlet_step(self) -> Scalar | None:
+        """Longest stable integration step (s) of the model under Stoermer-Verlet; None excludes that method.
+
+        None keeps the plant's own method.
+        """
+        return None
+
+    def far(self, memory: Memory, motion: PointMotion, seconds: Scalar) -> Scalar:
+        """True if the model, such as a distant contact, certainly exerts no force for the next ``seconds``."""
+        return False
+
+    largest_calm_step: Scalar | None = None
+    """Longest stable integration step (s) while ``calm`` holds, if that is longer; None if not."""
+
+    largest_calm_verlet_step: Scalar | None = None
+    """The same of the Stoermer-Verlet method."""
+
+    def calm(self, memory: Memory, motion: PointMotion, seconds: Scalar) -> Scalar:
+        """True if nothing that needs short steps, such as a contact, acts for the next ``seconds``."""
+        return False
+
+    most_hit_steps: int = 1
+    """Largest number of substeps per integration step that ``hurry`` may return; may be a property."""
+
+    def hurry(self, memory: Memory, motion: PointMotion, seconds: Scalar) -> tuple[Memory, Scalar]:
+        """Internal state of the model, and number of substeps for the next ``seconds``: more during an impact."""
+        return memory, 1.0
+
+    def alone(self, memory: Memory, seconds: Scalar, rounds: int, gravity: Scalar) -> Memory:
+        """Internal state of a model such as a contact after ``seconds`` in which it exerted no force.
+
+        Args:
+            memory: internal state before.
+            seconds: s.
+            rounds: number of parts of the time, each as short as the component needs.
+            gravity: m/s^2, along -z.
+        """
+        return memory
+
+
+class Component(StepLimits[Memory]):
     """Base class of environment models (wind, force, contact), whose subclasses override the methods that they need.
 
     ``Component[M]`` has internal states of the type ``M``: a dataclass or tuple of scalars.
@@ -144,22 +208,6 @@ class Component(Generic[Memory]):
     def columns_of(self, agent: str) -> Sequence[Column]:
         """Log columns without those of other vehicles than ``agent``."""
         return self.of_agent(agent).columns
-
-    largest_step: Scalar | None = None
-    """Longest stable integration step (s) of the environment model; None for no limit. May be a field or a property."""
-
-    @property
-    def largest_euler_step(self) -> Scalar | None:
-        """Longest stable integration step (s) of the model under semi-implicit Euler; None for no limit."""
-        return self.largest_step
-
-    @property
-    def largest_verlet_step(self) -> Scalar | None:
-        """Longest stable integration step (s) of the model under Stoermer-Verlet; None excludes that method.
-
-        None keeps the plant's own method.
-        """
-        return None
 
     coupled: bool = False
     """True if the internal state is integrated with the vehicle's within control periods; may be a property."""
@@ -277,38 +325,6 @@ class Component(Generic[Memory]):
             felt: internal state with the velocities at which forces are taken; that before if left out.
         """
         return moved_by(memory, self.slope(memory if felt is None else felt, t, motion, rotor_speeds), dt)
-
-    def far(self, memory: Memory, motion: PointMotion, seconds: Scalar) -> Scalar:
-        """True if the model, such as a distant contact, certainly exerts no force for the next ``seconds``."""
-        return False
-
-    largest_calm_step: Scalar | None = None
-    """Longest stable integration step (s) while ``calm`` holds, if that is longer; None if not."""
-
-    largest_calm_verlet_step: Scalar | None = None
-    """The same of the Stoermer-Verlet method."""
-
-    def calm(self, memory: Memory, motion: PointMotion, seconds: Scalar) -> Scalar:
-        """True if nothing that needs short steps, such as a contact, acts for the next ``seconds``."""
-        return False
-
-    most_hit_steps: int = 1
-    """Largest number of substeps per integration step that ``hurry`` may return; may be a property."""
-
-    def hurry(self, memory: Memory, motion: PointMotion, seconds: Scalar) -> tuple[Memory, Scalar]:
-        """Internal state of the model, and number of substeps for the next ``seconds``: more during an impact."""
-        return memory, 1.0
-
-    def alone(self, memory: Memory, seconds: Scalar, rounds: int, gravity: Scalar) -> Memory:
-        """Internal state of a model such as a contact after ``seconds`` in which it exerted no force.
-
-        Args:
-            memory: internal state before.
-            seconds: s.
-            rounds: number of parts of the time, each as short as the component needs.
-            gravity: m/s^2, along -z.
-        """
-        return memory
 
     events: tuple[Event, ...] = ()
     """Intervals that pictures of a flight mark; may be a property."""

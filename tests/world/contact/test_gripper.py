@@ -15,7 +15,8 @@ from skyarm.records.coerce import RecordError
 from skyarm.records.leaves import leaves, rebuild
 from skyarm.reference import Ramp
 from skyarm.world.contact import Command, Contact, FreeObject, Gripper, Surface
-from skyarm.world.contact.gripper import Hold, _skin
+from skyarm.world.contact.hold import Hold
+from skyarm.world.contact.holds import _skin
 from support.engines import evaluate
 from support.worlds import BIRD, Scene, at_rest, energy, limp
 

@@ -82,7 +82,7 @@ def balances(scenario: Scenario, lost: str = "") -> list[Balance]:
         alone = [scenario.of(name) for name in scenario.agents]
         plants, states = [each.agent.plant for each in alone], [first_state(each) for each in alone]
         motion, memory = motions_of(plants, states, tuple(scenario.agents))[0], contact.start(0.0, ())
-        pulls = [row for row in contact.pulls(memory, motion, 0.0) if float(row[0].release) > 0.0]
+        pulls = [row for row in contact.gripping.pulls(memory, motion, 0.0) if float(row[0].release) > 0.0]
         for index, thing in enumerate(contact.objects):
             rows = [(grasp, pull.place, frame.position) for grasp, of, pull, frame in pulls if of == index]
             weight, middle = float(thing.mass * motion.gravity), float_array(memory.carried[index].position)

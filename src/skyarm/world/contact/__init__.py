@@ -1,7 +1,8 @@
 """Contact of a vehicle with its environment: materials, surfaces, contact points and contact forces."""
 
 from skyarm.world.contact.carrier import CarriedFrame, Carrier
-from skyarm.world.contact.contact import Contact, ContactMemory
+from skyarm.world.contact.contact import Contact
+from skyarm.world.contact.contact_memory import ContactMemory
 from skyarm.world.contact.contact_point import ContactPoint, Touch
 from skyarm.world.contact.free_object import FreeObject, ObjectMotion
 from skyarm.world.contact.gripper import Command, Grip, Gripper

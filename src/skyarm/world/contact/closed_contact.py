@@ -5,15 +5,15 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import replace
 
-from skyarm.algebra import Force as Wrench6
-from skyarm.algebra import Scalar, Vec3
-from skyarm.algebra.scalars import data
+from skyarm.algebra import Force, Scalar
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.records.coerce import RecordError
 from skyarm.records.files import shown
 from skyarm.records.immutable import immutable
+from skyarm.records.leaves import as_data
 from skyarm.vehicle import Vehicle
-from skyarm.world.contact.contact import Contact, ContactMemory
+from skyarm.world.contact.contact import Contact
+from skyarm.world.contact.contact_memory import ContactMemory
 
 
 @immutable
@@ -23,8 +23,8 @@ class ClosedContact(Contact):
     def settle(self, memory: ContactMemory, motion: PointMotion, vehicle: bool) -> ContactMemory:
         """Internal state in static equilibrium; the first forces of constraints are those of springs."""
         memory = Contact.settle(self, memory, motion, vehicle)
-        pulls = [(pull.torque, pull.force) for _, _, pull, _ in self.pulls(memory, motion, 0.0)]
-        return replace(memory, constraints=tuple(Wrench6(*(Vec3(*map(data, v)) for v in each)) for each in pulls))
+        pulls = (pull for _, _, pull, _ in self.gripping.pulls(memory, motion, 0.0))
+        return replace(memory, constraints=as_data(tuple(Force(each.torque, each.force) for each in pulls)))
 
     def require_vehicles(self, vehicles: Mapping[str, Vehicle], period: float, gravity: Scalar) -> None:
         """Refuse what a contact model refuses, and grasps that a plant cannot close by constraints."""

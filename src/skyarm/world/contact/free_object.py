@@ -19,6 +19,7 @@ from skyarm.records.coerce import RecordError, absent, concrete
 from skyarm.records.field_rules import accept_fields
 from skyarm.records.files import shown
 from skyarm.records.immutable import field_if_any, immutable
+from skyarm.records.leaves import as_data
 from skyarm.records.units import Unit, nonnegative, positive
 from skyarm.world.component import Column
 from skyarm.world.contact.carrier import CarriedFrame, Carrier, Spot
@@ -191,12 +192,13 @@ class FreeObject(Carrier[ObjectMotion]):
         for axis, angle in zip((E_X, E_Y, E_Z), self.angles, strict=True):
             attitude = Quaternion.of_rotation_vector(axis * data(angle)) * attitude
         R = attitude.rotation()
-        return ObjectMotion(
-            position=_data(self.position + R.apply(self.com)),
+        start = ObjectMotion(
+            position=self.position + R.apply(self.com),
             attitude=attitude,
-            velocity=_data(self.velocity),
-            rate=_data(R.apply_T(self.angular_velocity)),
+            velocity=self.velocity,
+            rate=R.apply_T(self.angular_velocity),
         )
+        return as_data(start)
 
     def advance(self, memory: ObjectMotion) -> ObjectMotion:
         """State of the object with the quaternion normalised."""
@@ -217,8 +219,8 @@ class FreeObject(Carrier[ObjectMotion]):
         return ObjectMotion(
             position=memory.velocity,
             attitude=memory.attitude.derivative(w),
-            velocity=_data(force_W * (1.0 / self.mass) - E_Z * gravity),
-            rate=Vec3(*(data(divide(t, i)) for t, i in zip(torque, moments, strict=True))),
+            velocity=as_data(force_W * (1.0 / self.mass) - E_Z * gravity),
+            rate=as_data(Vec3(*(divide(t, i) for t, i in zip(torque, moments, strict=True)))),
         )
 
     def kick(self, memory: ObjectMotion, slope: ObjectMotion, dt: Scalar) -> ObjectMotion:
@@ -268,11 +270,6 @@ class FreeObject(Carrier[ObjectMotion]):
         """Position, attitude, velocity and angular velocity of the free object, for the log."""
         frame = self.frame(memory)
         return (*frame.position, *memory.attitude, *frame.velocity, *memory.rate)
-
-
-def _data(vector: Vec3) -> Vec3:
-    """Convert integer zeros of a vector to floats, which compiled code keeps as variables, not as constants."""
-    return Vec3(*map(data, vector))
 
 
 def uniform_moments(shape: str, size: Sequence[Scalar], mass: Scalar) -> Vec3:

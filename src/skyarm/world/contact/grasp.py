@@ -27,25 +27,13 @@ from skyarm.records.units import Unit, nonnegative, positive
 from skyarm.vehicle import BASE, Vehicle
 from skyarm.world.component import Column
 from skyarm.world.contact.carrier import AnyCarrier, CarriedFrame
-from skyarm.world.contact.material import BRISTLE_STEP, LIGHTEST, NORMAL_STEP, euler_step_of
+from skyarm.world.contact.hold import Hold, Spring, frame_of, longest_step
+from skyarm.world.contact.material import LIGHTEST, NORMAL_STEP
 
 KINDS = ("fixed", "ball", "cable")
 
 TINY = 1e-24
 """Squared length (m^2) added below a root, whose slope is infinite at zero."""
-
-
-@immutable
-class Pull:
-    """Force and torque of a grasp on the body, world axes.
-
-    Attributes:
-        force: N, at ``place`` (m). torque: N m, beside that of the force.
-    """
-
-    force: Vec3
-    torque: Vec3
-    place: Vec3
 
 
 @immutable
@@ -132,11 +120,7 @@ class Grasp:
                 inertia = maximum(divide(carrier.gyration, carrier.mobility_of(ZERO3)), TINY)
                 mobility = mobility + divide(each.radius * each.radius, inertia)
             square, decay = square + each.stiffness * mobility, decay + each.damping * mobility
-        if euler:
-            return minimum(NORMAL_STEP / sqrt(square), euler_step_of(square, decay))
-        half = 0.5 * decay
-        fastest = maximum(half, sqrt(square)) + sqrt(maximum(half * half - square, 0.0))
-        return minimum(NORMAL_STEP / sqrt(square), BRISTLE_STEP / fastest)
+        return minimum(NORMAL_STEP / sqrt(square), longest_step(square, decay, euler=euler))
 
     def require_heavy(self, vehicle: Vehicle) -> None:
         """Refuse a frame that is lighter than the steps of the integration are chosen for.
@@ -170,7 +154,7 @@ class Grasp:
         t: Scalar,
         constraint: Force | None = None,
         place: Vec3 | None = None,
-    ) -> Pull:
+    ) -> Hold:
         """Force and torque of the grasp on the body.
 
         Args:
@@ -184,26 +168,23 @@ class Grasp:
         at = body.position + body.rotation.apply(self.place if place is None else place)
         by = constraint or self._spring(turn, frame, body, at)
         opens = not (isinstance(self.release, float) and math.isinf(self.release))
+        pull = Hold(force=by.force, torque=by.torque, place=at)
         if not opens and not self.closes:
-            return Pull(force=by.force, torque=by.torque, place=at)
+            return pull
         share = where(t < self.release, 1.0, 0.0) if opens else 1.0
         share = where(t < self.close, 0.0, share) if self.closes else share
-        return Pull(force=by.force * share, torque=by.torque * share, place=at)
+        return pull * share
 
     def _spring(self, turn: Mat3 | tuple[()], frame: CarriedFrame, body: CarriedFrame, place: Vec3) -> Force:
         """Force and torque of the spring and damper on the body, world axes; ``place`` (m) is that of the grasp."""
-        stretch, speed = frame.position - place, frame.velocity_at(place) - body.velocity_at(place)
+        spring = Spring(self.stiffness, self.damping, frame, body)
         if self.kind == "cable":
-            force = self._tension(stretch, frame.velocity - body.velocity_at(place))
+            force = self._tension(frame.position - place, frame.velocity - body.velocity_at(place))
         else:
-            force = stretch * self.stiffness + speed * self.damping
-        torque = ZERO3
-        if not isinstance(turn, tuple):
-            aim, error, square = frame.rotation @ turn, ZERO3, self.radius * self.radius
-            for i in range(3):
-                error = error + body.rotation.column(i).cross(aim.column(i)) * 0.5
-            torque = (error * self.stiffness + (frame.turning - body.turning) * self.damping) * square
-        return Force(torque, force)
+            force = spring.force(place)
+        if isinstance(turn, tuple):
+            return Force(ZERO3, force)
+        return Force(spring.torque(spring.error(turn), self.radius * self.radius), force)
 
     def _tension(self, line: Vec3, speed: Vec3) -> Vec3:
         """Force of a cable along the line from the body to the frame: it pulls where it is taut, and never pushes."""
@@ -212,15 +193,3 @@ class Grasp:
         stretch = length - self.length
         tension = maximum(self.stiffness * stretch + self.damping * speed.dot(along), 0.0)
         return along * where(stretch > 0.0, tension, 0.0)
-
-
-def frame_of(motion: PointMotion, name: str) -> CarriedFrame:
-    """World pose and velocity of a vehicle's frame; of the tip for an empty name."""
-    at = motion.vehicle.frame(name or None)
-    columns = [motion.to_world(at.rotation.column(i), at.link) for i in range(3)]
-    return CarriedFrame(
-        position=motion.position(at.position, at.link),
-        rotation=Mat3.columns(*columns),
-        velocity=motion.velocity(at.position, at.link),
-        turning=motion.to_world(motion.angular_velocity(at.link), at.link),
-    )

@@ -19,25 +19,24 @@ Taking hold and giving way happen at control instants. What gave way takes hold 
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import field, replace
 from typing import Annotated
 
 from skyarm.algebra import ZERO3, Mat3, Quaternion, Scalar, Vec3
 from skyarm.algebra.scalars import asin, divide, logical_and, logical_or, maximum, minimum, sqrt, where
-from skyarm.dynamics.point_motion import PointMotion
 from skyarm.records import coerce
 from skyarm.records.coerce import RecordError, absent
 from skyarm.records.field_rules import accept_fields, checked
 from skyarm.records.files.toml import Entry
 from skyarm.records.immutable import field_if_any, immutable, positional
-from skyarm.records.leaves import Tree
+from skyarm.records.leaves import as_data, blend
 from skyarm.records.units import Unit, nonnegative, positive
 from skyarm.reference.signals import Constant, Signal, signal_from
-from skyarm.world.component import Column, Wrench, select
-from skyarm.world.contact.carrier import AnyCarrier, CarriedFrame, both
-from skyarm.world.contact.grasp import frame_of
-from skyarm.world.contact.material import BRISTLE_STEP, LIGHTEST, NORMAL_STEP, ROUGHEST, euler_step_of
+from skyarm.world.component import Column, select, shorten
+from skyarm.world.contact.carrier import CarriedFrame
+from skyarm.world.contact.hold import Hold, Spring, longest_step
+from skyarm.world.contact.material import NORMAL_STEP, ROUGHEST
 
 KINDS = ("magnet", "suction", "jaw", "ball", "hook")
 
@@ -87,22 +86,6 @@ class Grip:
     place: Vec3
     normal: Vec3
     turn: Mat3
-
-
-@immutable
-class Hold:
-    """Force and torque of a grasp on the grasped body, world axes.
-
-    Attributes:
-        force: N, at ``place`` (m). torque: N m, beside that of the force.
-        twist: rad, world axes, from the body's attitude to that of the grasp, as much of it as friction in the socket
-            of a ball bears; None of what has no friction.
-    """
-
-    force: Vec3
-    torque: Vec3
-    place: Vec3
-    twist: Vec3 | None = None
 
 
 @immutable
@@ -185,12 +168,7 @@ class Gripper:
             euler: True for the semi-implicit Euler method.
         """
         square, decay = self.stiffness / moved, self.damping(mass) / moved
-        bound = euler_step_of(square, decay)
-        if not euler:  # the faster of the two poles of an overdamped grasp, or the frequency
-            half = 0.5 * decay
-            fastest = maximum(half, sqrt(square)) + sqrt(maximum(half * half - square, 0.0))
-            bound = BRISTLE_STEP / fastest
-        return minimum(NORMAL_STEP * sqrt(mass / self.stiffness), bound)
+        return minimum(NORMAL_STEP * sqrt(mass / self.stiffness), longest_step(square, decay, euler=euler))
 
     def damping(self, mass: Scalar) -> Scalar:
         """Damping coefficient (N s/m) of a grasp that moves a mass (kg)."""
@@ -237,25 +215,21 @@ class Gripper:
             gyration: square of a radius of gyration of the body, m^2: of an attitude's stiffness by a place's.
         """
         place = body.position + body.rotation.apply(grip.place)
-        damping = self.damping(mass)
-        stretch, speed = frame.position - place, frame.velocity_at(place) - body.velocity_at(place)
-        force = stretch * self.stiffness + speed * damping
+        spring = Spring(self.stiffness, self.damping(mass), frame, body)
+        force = spring.force(place)
         if self.kind == "hook":  # it carries, and does not press down
             force = Vec3(force.x, force.y, maximum(force.z, 0.0))
         torque, twist = ZERO3, None
         if self.holds_attitude and not absent(gyration):
-            aim, has = frame.rotation @ grip.turn, body.rotation
-            error = ZERO3
-            for i in range(3):
-                error = error + has.column(i).cross(aim.column(i)) * 0.5
-            torque = (error * self.stiffness + (frame.turning - body.turning) * damping) * gyration
+            error = spring.error(grip.turn)
+            torque = spring.torque(error, gyration)
             if self.kind == "ball":
                 most = self.socket_torque
-                torque = _within_length(torque, most)
+                torque = shorten(torque, most)
                 # the angle, of which the error is the sine: what friction bears alone does not creep
                 sine = minimum(sqrt(error.dot(error) + TINY), 1.0)
                 angle = error * divide(asin(sine), sine)
-                twist = _within_length(angle, divide(most, self.stiffness * gyration))
+                twist = shorten(angle, divide(most, self.stiffness * gyration))
         return Hold(force=force, torque=torque, place=place, twist=twist)
 
     def is_overloaded(self, grip: Grip, hold: Hold, body: CarriedFrame) -> Scalar:
@@ -307,8 +281,8 @@ class Gripper:
             now = frame.rotation.T @ body.rotation
             if hold.twist is not None:  # the ball has turned in its socket by what friction did not bear
                 slipped = frame.rotation.T @ Quaternion.of_small_rotation(hold.twist).rotation() @ body.rotation
-                turn = _select_rows(is_taken(grip.taken, i + 1.0), slipped, turn)
-            turn = _select_rows(takes, now, turn)
+                turn = blend(is_taken(grip.taken, i + 1.0), as_data(slipped), turn)
+            turn = blend(takes, as_data(now), turn)
         opened = _not(near) if self.kind == "hook" else _not(closed)
         used = _any(holding, taken > 0.5)
         return Grip(
@@ -338,15 +312,6 @@ def _any(a: Scalar, b: Scalar) -> Scalar:
     return b if a is False else a if b is False else logical_or(a, b)
 
 
-def _select_rows(condition: Scalar, a: Mat3, b: Mat3) -> Mat3:
-    return Mat3(*(select(condition, x, y) for x, y in zip(a.rows, b.rows, strict=True)))
-
-
-def _within_length(vector: Vec3, most: Scalar) -> Vec3:
-    """Vector scaled down to a given length if it is longer; zero for a length of zero."""
-    return vector * divide(most, maximum(sqrt(vector.dot(vector) + TINY), most))
-
-
 TINY = 1e-24
 """Squared length added in a quotient to avoid division by zero."""
 
@@ -356,125 +321,3 @@ UNCHANGED = Grip(
     taken=0.0, ready=0.0, lost=0.0, place=_NOTHING, normal=_NOTHING, turn=Mat3(_NOTHING, _NOTHING, _NOTHING)
 )  # fmt: skip
 """Rate of a grip's internal state: zero, since it changes at control instants only."""
-
-
-@immutable
-class Grasps:
-    """Grippers of the vehicle together with the bodies that they can grasp.
-
-    Its methods take the states of both, ``grips`` and ``memories``.
-
-    Attributes:
-        grippers: grippers of the vehicle. carriers: bodies of the world.
-    """
-
-    grippers: tuple[Gripper, ...]
-    carriers: tuple[AnyCarrier, ...]
-
-    def steps(self, *, euler: bool = False) -> Iterator[tuple[str, Scalar]]:
-        """Longest stable integration step (s) of every possible grasp, with the name of its gripper."""
-        for gripper in self.grippers:
-            for carrier in self.carriers:
-                mobilities = carrier.mobility, carrier.mobility_at(gripper.reach)
-                masses = [both(LIGHTEST, 1.0 / each) for each in mobilities]
-                yield f"gripper {gripper.name!r}", gripper.step_of(*masses, euler=euler)
-
-    def frames(self, motion: PointMotion) -> list[CarriedFrame]:
-        """World pose and velocity of each gripper's frame."""
-        return [frame_of(motion.of(gripper.agent), gripper.frame) for gripper in self.grippers]
-
-    def bodies(self, memories: Sequence[Tree]) -> list[CarriedFrame]:
-        """World pose and velocity of each movable body."""
-        return [carrier.frame(memory) for carrier, memory in zip(self.carriers, memories, strict=True)]
-
-    def possible(
-        self, grips: Sequence[Grip], frames: Sequence[CarriedFrame], bodies: Sequence[CarriedFrame]
-    ) -> list[list[Hold]]:
-        """Force and torque of each gripper on each movable body if it held that body, as [gripper][body]."""
-        masses = [both(LIGHTEST, 1.0 / carrier.mobility) for carrier in self.carriers]
-        every = list(zip(bodies, masses, self.carriers, strict=True))
-        return [
-            [gripper.hold(grip, frame, body, mass, carrier.gyration) for body, mass, carrier in every]
-            for gripper, grip, frame in zip(self.grippers, grips, frames, strict=True)
-        ]
-
-    def holds(
-        self, grips: Sequence[Grip], memories: Sequence[Tree], frames: Sequence[CarriedFrame]
-    ) -> list[list[Hold]]:
-        """Force and torque of each gripper on each movable body, zero for bodies not held, as [gripper][body]."""
-        possible = self.possible(grips, frames, self.bodies(memories))
-        return [
-            [_scale_hold(hold, where(is_taken(grip.taken, i + 1.0), 1.0, 0.0)) for i, hold in enumerate(row)]
-            for grip, row in zip(grips, possible, strict=True)
-        ]
-
-    def on_bodies(
-        self, grips: Sequence[Grip], memories: Sequence[Tree], motion: PointMotion
-    ) -> list[tuple[Vec3, Vec3]]:
-        """Total force (N) and torque (N m, about the body's origin) of all grasps on each movable body."""
-        holds, bodies = self.holds(grips, memories, self.frames(motion)), self.bodies(memories)
-        loads = []
-        for i, body in enumerate(bodies):
-            force = torque = ZERO3
-            for row in holds:
-                hold = row[i]
-                force = force + hold.force
-                torque = torque + hold.torque + (hold.place - body.position).cross(hold.force)
-            loads.append((force, torque))
-        return loads
-
-    def on_vehicle(self, grips: Sequence[Grip], memories: Sequence[Tree], motion: PointMotion) -> list[Wrench]:
-        """Reaction forces and torques of all grasps on the vehicle."""
-        frames, wrenches = self.frames(motion), []
-        for gripper, frame, row in zip(self.grippers, frames, self.holds(grips, memories, frames), strict=True):
-            at = motion.of(gripper.agent).vehicle.frame(gripper.frame or None)
-            force = torque = ZERO3
-            for hold in row:
-                force = force - hold.force
-                torque = torque - hold.torque - (hold.place - frame.position).cross(hold.force)
-            wrench = Wrench(force_W=force, torque_W=torque, point=at.position, body=at.link, agent=gripper.agent)
-            wrenches.append(wrench)
-        return wrenches
-
-    def after(
-        self, grips: Sequence[Grip], memories: Sequence[Tree], t: Scalar, motion: PointMotion
-    ) -> tuple[Grip, ...]:
-        """States of all grippers for the next control period, after possible grasps, releases and slips."""
-        frames, bodies = self.frames(motion), self.bodies(memories)
-        possible = self.possible(grips, frames, bodies)
-        following = []
-        for gripper, grip, frame, row in zip(self.grippers, grips, frames, possible, strict=True):
-            skins = [_skin(carrier, body, frame.position) for carrier, body in zip(self.carriers, bodies, strict=True)]
-            seen = tuple((body, *skin, hold) for body, skin, hold in zip(bodies, skins, row, strict=True))
-            now = motion.of(gripper.agent).task_time if gripper.agent else t
-            following.append(gripper.after(grip, now, frame, seen))
-        return tuple(following)
-
-    def logged(self, grips: Sequence[Grip], memories: Sequence[Tree], motion: PointMotion) -> list[Scalar]:
-        """Logged values of each gripper: held body, grasp force (N), number of slips, force vector (N).
-
-        The pull is the force on what it holds, N, world axes.
-        """
-        numbers: list[Scalar] = []
-        for grip, row in zip(grips, self.holds(grips, memories, self.frames(motion)), strict=True):
-            total = ZERO3
-            for hold in row:
-                total = total + hold.force
-            numbers += [grip.taken, sqrt(total.dot(total)), grip.lost, *total]
-        return numbers
-
-
-def _skin(carrier: AnyCarrier, body: CarriedFrame, place: Vec3) -> tuple[Scalar, Vec3]:
-    """Distance (m) of a point from the nearest surface of a movable body, and the outward normal there."""
-    depths = [body.depth(surface, place, 0) for surface in carrier.surfaces]
-    deepest, normal = depths[0]
-    for depth, outward in depths[1:]:
-        nearer = depth > deepest
-        deepest = where(nearer, depth, deepest)
-        normal = select(nearer, outward, normal)
-    return -deepest, normal
-
-
-def _scale_hold(hold: Hold, share: Scalar) -> Hold:
-    """Force and torque of a grasp multiplied by a factor."""
-    return replace(hold, force=hold.force * share, torque=hold.torque * share)

@@ -8,16 +8,20 @@ a memory: points by surface, spots by body and surface, edges.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Protocol
 
 from skyarm.algebra import Scalar, Vec3
 from skyarm.algebra.scalars import maximum, neg, sqrt
+from skyarm.dynamics.point_motion import PointMotion
 from skyarm.records.immutable import immutable, positional
 from skyarm.records.leaves import Tree
-from skyarm.world.contact.box_edges import box_of, edge_touches, pairs_with_edges
+from skyarm.world.component import Force
+from skyarm.world.contact.box_edges import EDGE_PAIRS, box_of, edge_touches, pairs_with_edges
 from skyarm.world.contact.carrier import NOBODY, AnyCarrier, CarriedFrame, both
-from skyarm.world.contact.contact_point import ContactPoint, Moving, Touch, touch_of
+from skyarm.world.contact.contact_memory import ContactMemory
+from skyarm.world.contact.contact_point import ContactPoint, Moving, Touch, moving_points, touch_of
+from skyarm.world.contact.free_object import FreeObject
 from skyarm.world.contact.material import LIGHTEST, LONGEST
+from skyarm.world.contact.mechanism import Mechanism
 from skyarm.world.contact.surface import Surface
 
 NEAR, SWIFT = 0.005, 400.0
@@ -26,22 +30,6 @@ point meanwhile; both give the same distance in 5 ms."""
 
 EDGE = -1
 """Index of a meeting of two edges, in place of that of a spot."""
-
-
-class Bodies(Protocol):
-    """Interface of a set of bodies that may touch, such as a :class:`skyarm.world.contact.Contact`."""
-
-    @property
-    def points(self) -> tuple[ContactPoint, ...]:
-        """Contact points of the vehicle."""
-
-    @property
-    def carriers(self) -> tuple[AnyCarrier, ...]:
-        """Movable bodies with contact surfaces."""
-
-    @property
-    def every_surface(self) -> tuple[tuple[int, Surface], ...]:
-        """All contact surfaces, each with the index of its movable body, or ``NOBODY`` for a surface of the world."""
 
 
 @immutable
@@ -82,7 +70,7 @@ def _depth(
 
 
 def meetings_of(
-    contact: Bodies,
+    contact: TouchingBodies,
     memories: Sequence[Tree],
     moving: Sequence[Moving],
     clock: Scalar,
@@ -152,3 +140,53 @@ def misses(touch: Touch, seconds: Scalar) -> Scalar:
     margin = maximum(NEAR, 0.5 * SWIFT * seconds * seconds)
     far: Scalar = touch.depth + sqrt(touch.slip.dot(touch.slip)) * seconds < -margin
     return far
+
+
+class TouchingBodies(Force[ContactMemory]):
+    """Base class of the contact model: surfaces, contact points and movable bodies, and how they touch each other."""
+
+    __slots__ = ()
+
+    surfaces: tuple[Surface, ...]
+    points: tuple[ContactPoint, ...]
+    objects: tuple[FreeObject, ...]
+    mechanisms: tuple[Mechanism, ...]
+
+    @property
+    def carriers(self) -> tuple[AnyCarrier, ...]:
+        """All movable bodies with contact surfaces: free objects, then mechanisms."""
+        return (*self.objects, *self.mechanisms)
+
+    @property
+    def every_surface(self) -> tuple[tuple[int, Surface], ...]:
+        """All contact surfaces, each with the index of its movable body, or ``NOBODY`` for a surface of the world."""
+        carried = ((of, each) for of, carrier in enumerate(self.carriers) for each in carrier.surfaces)
+        return (*((NOBODY, each) for each in self.surfaces), *carried)
+
+    @property
+    def logged_pairs(self) -> int:
+        """Number of surface-point pairs whose contact forces are logged."""
+        return len(self.every_surface) * len(self.points)
+
+    @property
+    def meeting_count(self) -> int:
+        """Number of all contact pairs of surfaces with points of the vehicle and of movable bodies."""
+        every = len(self.every_surface)
+        spots = sum(each.spot_count * (every - len(each.surfaces)) for each in self.carriers)
+        edges = EDGE_PAIRS * sum(1 for _ in pairs_with_edges(self.every_surface, self.carriers))
+        return self.logged_pairs + spots + edges
+
+    @property
+    def still(self) -> tuple[Surface, ...]:
+        """Surfaces of the world that do not move during the flight."""
+        return tuple(surface for surface in self.surfaces if not surface.moves)
+
+    def meetings(self, memory: ContactMemory, motion: PointMotion) -> list[Meeting]:
+        """Contact state of every contact pair for the vehicle's current motion."""
+        step = self.largest_step if motion.step is None else motion.step
+        moving, clock = moving_points(self.points, motion), (*memory.clock, 0.0)[0]
+        return meetings_of(self, memory.carried, moving, clock, memory.bristles, step, motion.step)
+
+    def on_points(self, memory: ContactMemory, motion: PointMotion) -> Sequence[Touch]:
+        """Contact states of all pairs of a surface and a contact point of the vehicle, ordered by surface."""
+        return [each.touch for each in self.meetings(memory, motion)[: self.logged_pairs]]

@@ -20,9 +20,9 @@ from typing import Annotated, cast
 from skyarm.algebra import E_Z, ZERO3_DATA, Scalar, Scalars, Vec3
 from skyarm.algebra.scalars import data, maximum
 from skyarm.records.immutable import immutable
-from skyarm.records.leaves import Tree
+from skyarm.records.leaves import Tree, as_data
 from skyarm.records.units import Unit, nonnegative, positive
-from skyarm.world.team.team import Sharing, TeamInputs, as_data, carry_of
+from skyarm.world.team.team import Sharing, TeamInputs, carry_of
 
 
 @immutable
@@ -81,9 +81,7 @@ class Decentralised(Sharing):
             bend = ((asking - force) * (self.gain * share) - state.rate) * self.filter
             rate = state.rate + bend * dt
             mass = state.mass - self.adaptation * member.mass * inputs.gravity * dt * rate.z * share
-            moved = MemberState(
-                offset=as_data(state.offset + rate * dt), rate=as_data(rate), mass=data(maximum(mass, 0.0))
-            )
+            moved = as_data(MemberState(offset=state.offset + rate * dt, rate=rate, mass=maximum(mass, 0.0)))
             after.append(moved)
             shift, holding = (moved.offset, moved.rate, bend), inputs.holding
             borne = state.mass * share * holding

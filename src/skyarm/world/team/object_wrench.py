@@ -43,21 +43,19 @@ from skyarm.algebra.scalars import clip, data, divide, logical_or, maximum, mini
 from skyarm.records import coerce
 from skyarm.records.coerce import RecordError, absent
 from skyarm.records.immutable import immutable
-from skyarm.records.leaves import Tree
+from skyarm.records.leaves import Tree, as_data
 from skyarm.records.units import Unit, nonnegative, positive
 from skyarm.reference.object_motion import BodyMotion
-from skyarm.world.component import Column
+from skyarm.world.component import Column, shorten
 from skyarm.world.team.team import (
     NO_TILT,
-    SMALL,
     Sharing,
     TeamInputs,
-    as_data,
     carry_of,
     require_whole_periods,
-    shorten,
     weight_of,
 )
+from skyarm.world.team.virtual_masses import SMALL
 
 FARTHEST, MOST = 0.3, 0.1
 """Largest shift (m, and rad) of all tips together, and of each against the others."""
@@ -317,7 +315,7 @@ class ObjectWrench(Sharing):
             target = target + slip * self.swing
             bend = (target - shift.offset) * (w * w) - shift.rate * (2.0 * w)
             speed = shift.rate + bend * dt
-            moved = TipShift(offset=as_data(shift.offset + speed * dt), rate=as_data(speed))
+            moved = as_data(TipShift(offset=shift.offset + speed * dt, rate=speed))
             shifts.append(moved)
             aside = zip((moved.offset, moved.rate, bend), desired.of_place(member.place), planned, strict=True)
             moves = [s + (there - here) for s, there, here in aside]
@@ -333,7 +331,7 @@ class ObjectWrench(Sharing):
         )
         following = WrenchMemory(
             pose=pose,
-            inner=tuple(map(as_data, inner)),
+            inner=as_data(tuple(inner)),
             eases=tuple(map(data, eases)),
             overload=data(overload),
             clock=data(course.clock),
@@ -359,17 +357,18 @@ class ObjectWrench(Sharing):
             there = [course.then.position + course.lower + course.then.R.apply(m.place) for m in self.members]
             here = [inputs.body.position + inputs.body.rotation.apply(m.place) for m in self.members]
             apart, behind = tuple(a - b for a, b in zip(there, here, strict=True)), tuple(inputs.behind)
-            late = (tuple(map(as_data, behind if self.pose_age else apart)), *waiting)
+            late = (as_data(behind if self.pose_age else apart), *waiting)
             apart, behind = (apart, late[-1]) if self.pose_age else (late[-1], behind)
             off, askew = self.rigid_shift([a - b for a, b in zip(apart, behind, strict=True)], arms)
             near, waiting = aloft * self.filter, late[:-1]
-        return PoseErrors(
-            place=as_data(shorten(pose.place + off * (aloft * self.pose_gain), FARTHEST)),
-            turn=as_data(shorten(pose.turn + askew * (aloft * self.pose_gain), FARTHEST)),
-            off=as_data(shorten(pose.off + (off - pose.off) * near, FARTHEST)),
-            askew=as_data(shorten(pose.askew + (askew - pose.askew) * near, FARTHEST)),
+        errors = PoseErrors(
+            place=shorten(pose.place + off * (aloft * self.pose_gain), FARTHEST),
+            turn=shorten(pose.turn + askew * (aloft * self.pose_gain), FARTHEST),
+            off=shorten(pose.off + (off - pose.off) * near, FARTHEST),
+            askew=shorten(pose.askew + (askew - pose.askew) * near, FARTHEST),
             waiting=waiting,
         )
+        return as_data(errors)
 
     @property
     def _promptness(self) -> Scalar:
@@ -448,12 +447,11 @@ class ObjectWrench(Sharing):
         sent = []
         for each, force, u in zip(own.sent, inputs.forces, inputs.drawn or [1.0] * len(own.sent), strict=True):
             through = now * where(u < self.loss, 0.0, 1.0)
-            sent.append(
-                ForceMessage(
-                    force=as_data(each.force + (force - each.force) * through),
-                    age=data((each.age + dt) * (1.0 - through)),
-                    lost=data(each.lost + now - through),
-                )
+            message = ForceMessage(
+                force=each.force + (force - each.force) * through,
+                age=(each.age + dt) * (1.0 - through),
+                lost=each.lost + now - through,
             )
+            sent.append(as_data(message))
         left = 0.0 if absent(self.rate) else since - now * interval
         return tuple(sent), where(left > interval, 0.0, left)  # after the first message, which is sent at once

@@ -3,14 +3,6 @@
 A team's law says to the law of every member what its tip is about to bear and how its reference is shifted
 (:class:`skyarm.reference.carry.Carry`), once in a control period, from the motion of the body and the forces that the
 members estimate at their tips. This base class says nothing: every member flies its own path.
-
-h_i is the force that member i exerts on the body at its grasp, r_i the place of the grasp from the centre of mass. With
-virtual masses m_i, whose middle is c and whose second moment about it is J, a force F and a moment N take
-
-    h_i = m_i (F / sum m + J^-1 (N - c x F) x (r_i - c)),
-
-which are free of internal forces: what is left of any forces without those of their own sum is internal. Sources:
-Walker, Freeman, Marcus 1991; Erhart, Hirche 2015 (load distribution by virtual masses).
 """
 
 from __future__ import annotations
@@ -18,13 +10,12 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
-from itertools import combinations
 from typing import Annotated, Protocol, Self
 
 import numpy as np
 
-from skyarm.algebra import E_Z, ZERO3, ZERO3_DATA, Mat3, Quaternion, Scalar, Scalars, Sym3, Vec3, ldl_solve
-from skyarm.algebra.scalars import clip, data, divide, maximum, minimum, sqrt, where
+from skyarm.algebra import E_Z, ZERO3, ZERO3_DATA, Mat3, Quaternion, Scalar, Scalars, Sym3, Vec3
+from skyarm.algebra.scalars import clip, data, divide, maximum, sqrt, where
 from skyarm.algebra.scalars.philox import normals
 from skyarm.dynamics.actuators.load_limits import LoadLimits
 from skyarm.dynamics.point_motion import PointMotion
@@ -34,24 +25,18 @@ from skyarm.records.coerce import RecordError
 from skyarm.records.field_rules import accept_fields
 from skyarm.records.files import must_be_one_of, shown
 from skyarm.records.immutable import field_if_any, immutable
-from skyarm.records.leaves import Tree
+from skyarm.records.leaves import Tree, as_data
 from skyarm.records.units import Unit, nonnegative, positive
 from skyarm.reference.carry import Carry
 from skyarm.reference.object_motion import BodyMotion, PoseTrajectory
-from skyarm.reference.signals import Constant, Ramp, Signal, Sum
 from skyarm.reference.splines import BEYOND, sampled_curve
 from skyarm.reference.trajectory import Trajectory
 from skyarm.vehicle import Vehicle
 from skyarm.world.component import Column, Component
 from skyarm.world.contact.carrier import CarriedFrame
-from skyarm.world.contact.contact import Contact, ContactMemory
-from skyarm.world.contact.grasp import KINDS
-
-SMALL = 1e-9
-"""Share of a trace that is added to a matrix, of which points on a line leave one direction without an inverse."""
-
-FLOOR = 1e-12
-"""Least sum of virtual masses, and least of their second moments, where one member or none is left."""
+from skyarm.world.contact.contact import Contact
+from skyarm.world.contact.contact_memory import ContactMemory
+from skyarm.world.team.virtual_masses import FLOOR, SMALL, Member, VirtualMasses
 
 NEAREST = 0.01
 """Least distance (m) between the grasps of two members: at one place they have no line along which they pull."""
@@ -67,43 +52,6 @@ NO_TILT = Sym3(0, 0, 0)
 
 STEP = 0.05
 """Time (s) between the instants at which the end of a cable is planned."""
-
-
-@immutable
-class Member:
-    """Member of a team: a vehicle whose tip holds the body.
-
-    Attributes:
-        agent: name of the vehicle.
-    """
-
-    agent: str
-    place: Annotated[Vec3, Unit("m", "supposed place of the grasp, axes of the body from its middle")]
-    length: Annotated[
-        float, nonnegative("m", "supposed length of its cable; left out: that of its grasp", fixed=True)
-    ] = field_if_any(default=0)
-    taken: Annotated[
-        Vec3 | None, Unit("m", "place where the tip really takes hold, if that is another; left out: place")
-    ] = None
-    mass: Annotated[
-        Scalar,
-        nonnegative(
-            "",
-            "virtual mass, to which its share of the force is proportional; 0: the load that it can bear, on cables 1",
-        ),
-    ] = 0.0
-    kind: Annotated[
-        str | None, Unit("", "supposed kind of the grasp; left out, that of the grasp", rule=coerce.word_of(KINDS))
-    ] = None
-
-    def path(self, motion: PoseTrajectory, take: Scalar) -> Trajectory:
-        """Path of the tip, and change of the heading, that carry the body; within 1 s of taking hold at its place."""
-        signals: list[Signal] = [Constant(c) for c in self.place]
-        if self.taken is not None:
-            rows = zip(self.taken, self.place, strict=True)
-            signals = [Sum((Constant(a), Ramp(start=take, duration=1.0, height=b - a, shape="nonic"))) for a, b in rows]
-        x, y, z = motion.path_of(signals)
-        return Trajectory(x=x, y=y, z=z, yaw=motion.yaw)
 
 
 @immutable
@@ -191,7 +139,7 @@ class TeamMemory:
 
 
 @immutable
-class Team(Component[TeamMemory]):
+class Team(VirtualMasses, Component[TeamMemory]):
     """Team whose members fly their own paths to carry a body (``own_paths``), and base class of the team's laws.
 
     Attributes:
@@ -366,7 +314,7 @@ class Team(Component[TeamMemory]):
         if self.motion is not None and self.pose_age:
             begin = self.motion.at(0.0)
             still = CarriedFrame(position=begin.position, rotation=begin.R, velocity=ZERO3, turning=ZERO3)
-            seen = (data_of(still),) * round(self.pose_age / period)
+            seen = (as_data(still),) * round(self.pose_age / period)
         return TeamMemory(own=self.first(period), seen=seen, carries=carries, drawn=drawn, logged=logged)
 
     def advance(self, memory: TeamMemory, t: Scalar, dt: float, state: State, draws: Sequence[Scalar]) -> TeamMemory:
@@ -401,11 +349,10 @@ class Team(Component[TeamMemory]):
         if self.motion is None:
             return memory
         index = [each.name for each in contact.carriers].index(self.object)
-        body, by_agent = contact.carriers[index].frame(touching.carried[index]), dict[str, Vec3]()
-        closed: dict[str, Scalar] = {}
-        for grasp, of, by, _ in contact.pulls(touching, motion, t):
-            by_agent |= {grasp.agent: by.force} if of == index else {}
-            closed |= {grasp.agent: where(t < grasp.release, 1.0, 0.0)} if of == index else {}
+        body = contact.carriers[index].frame(touching.carried[index])
+        ours = [(grasp, by.force) for grasp, of, by, _ in contact.gripping.pulls(touching, motion, t) if of == index]
+        by_agent = {grasp.agent: force for grasp, force in ours}
+        closed = {grasp.agent: where(t < grasp.release, 1.0, 0.0) for grasp, _ in ours}
         pulls = [by_agent.get(each.agent, ZERO3) for each in self.members]
         loads = [borne[each.agent] for each in self.members]
         limits = [each.limits.weight for each in loads]
@@ -439,10 +386,10 @@ class Team(Component[TeamMemory]):
         logged = (*errors, *tensions, *team.desired_tensions(t), *shares, *self.further_logged(own))
         return TeamMemory(
             own=own,
-            seen=tuple(map(data_of, seen[: len(memory.seen)])),
+            seen=as_data(seen[: len(memory.seen)]),
             carries=carries,
             drawn=memory.drawn,
-            logged=tuple(map(data, logged)),
+            logged=as_data(logged),
         )
 
     def usual_mass(self, limit: Scalar) -> Scalar:
@@ -466,107 +413,11 @@ class Team(Component[TeamMemory]):
         """Desired pull (N) along the line of each pair of grasps at a time (s)."""
         return [0.0] * len(self.pairs)
 
-    @property
-    def pairs(self) -> list[tuple[int, int]]:
-        """Numbers of each two members: 0 and 1, 0 and 2, 1 and 2 ..."""
-        return list(combinations(range(len(self.members)), 2))
-
-    def along(self, tensions: Sequence[Scalar], arms: Sequence[Vec3]) -> list[Vec3]:
-        """Force (N) of each member for a pull (N) along the line of each pair of grasps, positive in tension."""
-        forces = [ZERO3] * len(arms)
-        for (i, j), tension, line in zip(self.pairs, tensions, self.lines(arms), strict=True):
-            forces[i], forces[j] = forces[i] + line * tension, forces[j] - line * tension
-        return forces
-
-    def lines(self, arms: Sequence[Vec3]) -> list[Vec3]:
-        """Unit vector from the second to the first grasp of each pair; zero where a member has lost its grasp."""
-        lines = []
-        for i, j in self.pairs:
-            line, least = arms[i] - arms[j], minimum(self.members[i].mass, self.members[j].mass)
-            lines.append(line * where(least > 0.0, divide(1.0, sqrt(line.dot(line))), 0.0))
-        return lines
-
-    def tensions(self, forces: Sequence[Vec3], arms: Sequence[Vec3]) -> list[Scalar]:
-        """Pull (N) along the line of each pair of grasps from internal forces (N), by least squares."""
-        lines, pairs = self.lines(arms), self.pairs
-        A: list[list[Scalar]] = [[0.0] * len(pairs) for _ in pairs]
-        for a, (i, j) in enumerate(pairs):
-            for b, (k, m) in enumerate(pairs):
-                sign = float((i == k) + (j == m) - (i == m) - (j == k))
-                A[a][b] = lines[a].dot(lines[b]) * sign + (SMALL if a == b else 0.0)
-        return ldl_solve(A, [line.dot(forces[i] - forces[j]) for line, (i, j) in zip(lines, pairs, strict=True)])
-
-    def turn_error(self, R: Mat3, desired: Mat3) -> Vec3:
-        """Rotation (rad, world axes) from an attitude of the body to a near one, to second order of the angle.
-
-        Members on one line do not turn the body about it: that turn is left out.
-        """
-        turn = ZERO3
-        for i in range(3):
-            turn = turn + R.column(i).cross(desired.column(i)) * 0.5
-        relative, ways = self.from_middle(self.arms(desired)), ZERO3
-        for each, r in zip(self.members, relative, strict=True):
-            ways = ways + r.cross(turn.cross(r)) * each.mass
-        return Vec3(*ldl_solve(self.moments(relative), list(ways)))
-
-    def arms(self, R: Mat3) -> list[Vec3]:
-        """Places of the grasps from the middle of the body, world axes, at an attitude of the body."""
-        return [R.apply(each.place) for each in self.members]
-
-    def from_middle(self, arms: Sequence[Vec3]) -> list[Vec3]:
-        """Places of the grasps from the middle of the virtual masses."""
-        whole = divide(1.0, maximum(sum((each.mass for each in self.members), 0.0), FLOOR))
-        middle = sum((arm * (each.mass * whole) for arm, each in zip(arms, self.members, strict=True)), ZERO3)
-        return [arm - middle for arm in arms]
-
-    def outward(self, arms: Sequence[Vec3]) -> list[Vec3]:
-        """Unit vectors from the middle of the virtual masses to the grasps."""
-        return [arm * divide(1.0, sqrt(arm.dot(arm) + SMALL)) for arm in self.from_middle(arms)]
-
-    def shares(self, force: Vec3, moment: Vec3, arms: Sequence[Vec3]) -> list[Vec3]:
-        """Force of each member for a force (N) and a moment (N m, about the body's middle), without internal ones."""
-        masses, relative = [each.mass for each in self.members], self.from_middle(arms)
-        whole, J = divide(1.0, maximum(sum(masses, 0.0), FLOOR)), self.moments(relative)
-        turning = Vec3(*ldl_solve(J, list(moment - (arms[0] - relative[0]).cross(force))))
-        rows = zip(masses, relative, strict=True)
-        return [force * (m * whole) + turning.cross(r) * m for m, r in rows]
-
-    def rigid_shift(self, shifts: Sequence[Vec3], arms: Sequence[Vec3]) -> tuple[Vec3, Vec3]:
-        """Displacement (m) of the body's middle and rotation (rad) that fit displacements of the grasps best.
-
-        By least squares with the virtual masses, world axes; members on one line do not tell a turn about it.
-        """
-        relative, mean, ways = self.from_middle(arms), ZERO3, ZERO3
-        whole = divide(1.0, maximum(sum((each.mass for each in self.members), 0.0), FLOOR))
-        for each, r, shift in zip(self.members, relative, shifts, strict=True):
-            mean, ways = mean + shift * (each.mass * whole), ways + r.cross(shift) * each.mass
-        turn = Vec3(*ldl_solve(self.moments(relative), list(ways)))
-        return mean - turn.cross(arms[0] - relative[0]), turn
-
-    def moments(self, relative: Sequence[Vec3]) -> list[list[Scalar]]:
-        """Matrix of the second moments of the virtual masses about their middle, with an inverse also on one line."""
-        J: list[list[Scalar]] = [[0.0] * 3 for _ in range(3)]
-        for m, r in zip((each.mass for each in self.members), relative, strict=True):
-            square, c = r.dot(r), tuple(r)
-            for i in range(3):
-                for k in range(3):
-                    J[i][k] = J[i][k] + m * ((square if i == k else 0.0) - c[i] * c[k])
-        eased = maximum((J[0][0] + J[1][1] + J[2][2]) * SMALL, FLOOR)
-        for i in range(3):
-            J[i][i] = J[i][i] + eased
-        return J
-
     def load(self, desired: BodyMotion, gravity: Scalar, t: Scalar) -> list[Vec3]:
         """Force (N) of each member on the body in a motion of it at a time (s), with the desired pulls."""
         arms = self.arms(desired.R)
         shares = self.shares(*weight_of(self, desired, gravity), arms)
         return [f + pull for f, pull in zip(shares, self.along(self.desired_tensions(t), arms), strict=True)]
-
-    def internal(self, forces: Sequence[Vec3], arms: Sequence[Vec3]) -> list[Vec3]:
-        """Internal part of the members' forces: without what accelerates the body."""
-        force = sum(forces, ZERO3)
-        moment = sum((arm.cross(f) for arm, f in zip(arms, forces, strict=True)), ZERO3)
-        return [f - share for f, share in zip(forces, self.shares(force, moment, arms), strict=True)]
 
     @property
     def columns(self) -> tuple[Column, ...]:  # type: ignore[override]
@@ -668,26 +519,6 @@ def require_whole_periods(name: str, value: float, period: float) -> None:
         raise RecordError(f"{name} = {value:g}: must be a whole number of control periods of {period:g} s")
 
 
-def shorten(v: Vec3, most: Scalar) -> Vec3:
-    """Vector shortened to a length, along its direction."""
-    return v * divide(most, maximum(sqrt(v.dot(v) + 1e-24), most))
-
-
-def data_of(frame: CarriedFrame) -> CarriedFrame:
-    """Motion of a body whose numbers are data."""
-    return CarriedFrame(
-        position=as_data(frame.position),
-        rotation=Mat3(*map(as_data, frame.rotation.rows)),
-        velocity=as_data(frame.velocity),
-        turning=as_data(frame.turning),
-    )
-
-
-def as_data(v: Vec3) -> Vec3:
-    """Vector whose numbers are data."""
-    return Vec3(*map(data, v))
-
-
 NOTHING = (ZERO3_DATA, ZERO3_DATA)
 
 
@@ -713,17 +544,18 @@ def carry_of(
         settling: bandwidth at which the shift settles, rad/s.
         mass: kg, of the body that the tip moves.
     """
-    offset, rate, acceleration = map(as_data, shift)
-    return Carry(
-        held=data(holding),
-        force=as_data(force),
-        moment=as_data(moment),
-        forgotten_force=as_data(forgotten[0]),
-        forgotten_moment=as_data(forgotten[1]),
+    offset, rate, acceleration = shift
+    carry = Carry(
+        held=holding,
+        force=force,
+        moment=moment,
+        forgotten_force=forgotten[0],
+        forgotten_moment=forgotten[1],
         offset=offset,
         offset_rate=rate,
         offset_acceleration=acceleration,
-        heading=as_data(heading),
-        settling=data(settling),
-        mass=data(mass),
-    ).numbers
+        heading=heading,
+        settling=settling,
+        mass=mass,
+    )
+    return as_data(carry).numbers
