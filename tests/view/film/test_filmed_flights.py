@@ -10,24 +10,23 @@ import pytest
 
 from skyarm import run, scenario_from
 from skyarm.log.tip_positions import level_tip
-from skyarm.view.film.camera_paths import CAMERAS, FIELD_OF_VIEW
+from skyarm.view.film.camera_paths import CAMERAS
 from skyarm.view.film.captions import frame_layout
-from skyarm.view.film.filmed_flight import (
+from skyarm.view.film.filmed_flight import film_flight, film_flights, flight_labels
+from skyarm.view.film.make_film import Camera, FilmSettings, film_panels, frame_times, size_of
+from skyarm.view.picture.camera import FIELD_OF_VIEW
+from skyarm.view.picture.marks import (
     COLORS,
     GHOST,
     GHOST_OPACITY,
     TRAIL,
     desired_path,
-    film_flight,
-    film_flights,
-    flight_labels,
     ghost_solids,
     marks_of,
     vehicle_solids,
     wind_arrow,
     wind_words,
 )
-from skyarm.view.film.make_film import Camera, FilmSettings, film_panels, frame_times, size_of
 from support.pictures import SECONDS, flight
 
 

@@ -14,10 +14,12 @@ import skyarm
 from skyarm.algebra import Vec3
 from skyarm.log.flight_log import Log
 from skyarm.records.arrays import Array
-from skyarm.view.film.camera_paths import CAMERAS, FIELD_OF_VIEW, looking_towards
+from skyarm.view.film.camera_paths import CAMERAS, looking_towards
 from skyarm.view.film.captions import frame_layout, state_words
-from skyarm.view.film.filmed_flight import FilmedFlight, film_flights, marks_of, vehicle_solids
+from skyarm.view.film.filmed_flight import FilmedFlight, film_flights
 from skyarm.view.film.make_film import FilmSettings, film_frames, film_panels
+from skyarm.view.picture.camera import FIELD_OF_VIEW
+from skyarm.view.picture.marks import marks_of, vehicle_solids
 from skyarm.world.contact.contact import Contact
 from skyarm.world.contact.contact_point import ContactPoint
 from skyarm.world.contact.grasp import Grasp

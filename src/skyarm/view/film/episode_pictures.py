@@ -21,23 +21,23 @@ from skyarm.simulate.assemble_log import AgentPiece, LoggedSamples, log_of_agent
 from skyarm.simulate.inputs import EpisodeInputs, episode_inputs
 from skyarm.simulate.loop_state import LoopState
 from skyarm.simulate.stages import Stages
-from skyarm.view.film.camera_paths import CAMERAS, CameraPath, free_azimuth
+from skyarm.view.film.camera_paths import CAMERAS, free_azimuth
 from skyarm.view.film.captions import DESIGNED
-from skyarm.view.film.filmed_flight import (
+from skyarm.view.film.filmed_flight import FilmedFlight, film_flight
+from skyarm.view.film.make_film import FilmSettings
+from skyarm.view.picture.camera import CameraPath
+from skyarm.view.picture.marks import (
     COLORS,
     THICK,
     THIN,
-    FilmedFlight,
     desired_path,
-    film_flight,
     ghost_solids,
     scene_lines,
     touch_marks,
     vehicle_solids,
     wind_arrow,
 )
-from skyarm.view.film.make_film import FilmSettings
-from skyarm.view.film.stage import FramePanel, Stage, open_stage
+from skyarm.view.picture.mujoco_sink import FramePanel, Stage, open_stage
 from skyarm.world import WindSample
 from skyarm.world.scene.vehicle_shapes import longest_boom
 

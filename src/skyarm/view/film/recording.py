@@ -18,23 +18,14 @@ from skyarm.log.flight_log import Log
 from skyarm.records.arrays import Array, norm
 from skyarm.records.files import PathLike, needs_extra, write_atomically
 from skyarm.records.immutable import positional
-from skyarm.view.film.camera_paths import CAMERAS, FIELD_OF_VIEW, free_azimuth, looking_towards, vehicle_reach
+from skyarm.view.film.camera_paths import CAMERAS, free_azimuth, looking_towards, vehicle_reach
 from skyarm.view.film.captions import state_words
-from skyarm.view.film.filmed_flight import (
-    LEAST_FORCE,
-    LEAST_SPEED,
-    TOUCH,
-    WIND,
-    FilmedFlight,
-    Flights,
-    by_flight,
-    film_flights,
-    role_color,
-    touch_marks,
-    wind_words,
-)
+from skyarm.view.film.filmed_flight import FilmedFlight, film_flights
 from skyarm.view.film.make_film import FilmSettings, Progress, frame_times
-from skyarm.view.studio.scene_nodes import DIGITS, Arrows, LineNodes, SolidNodes, VehicleNodes, bytes_of, segments
+from skyarm.view.picture.camera import FIELD_OF_VIEW
+from skyarm.view.picture.frames import Flights, by_flight
+from skyarm.view.picture.marks import LEAST_FORCE, LEAST_SPEED, TOUCH, WIND, role_color, touch_marks, wind_words
+from skyarm.view.picture.viser_sink import DIGITS, Arrows, LineNodes, SolidNodes, VehicleNodes, bytes_of, segments
 from skyarm.world.scene.shapes import RGBA
 from skyarm.world.scene.vehicle_shapes import body_poses, rotor_turns
 
@@ -142,7 +133,7 @@ class _Stage:
 
 
 def _serialize(
-    flights: Flights,
+    flights: Sequence[FilmedFlight],
     times: Array,
     settings: FilmSettings,
     progress: Progress | None,

@@ -14,9 +14,10 @@ from skyarm.records.arrays import Array, float_array, lengths
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.simulate.first_state import first_loop_state
 from skyarm.vehicle import Vehicle
+from skyarm.view.picture.frames import goal_of, poses_of, scenes_at
+from skyarm.view.picture.viser_sink import STILL, Arrows, LineNodes, Paint, SolidNodes, VehicleNodes, segments
 from skyarm.view.studio.fleet import Flight, FlownAgent
-from skyarm.view.studio.scene_nodes import STILL, Arrows, LineNodes, Paint, SolidNodes, VehicleNodes, segments
-from skyarm.view.studio.sights import PlottedInstant, goal_of, poses_of, scenes_at
+from skyarm.view.studio.sights import PlottedInstant
 from skyarm.world.scene.scene import OBSTACLES, Arrow, Scene, hidden_share
 from skyarm.world.scene.shapes import RGBA, Solid, floats
 from skyarm.world.scene.vehicle_shapes import Placed, disc_name, payload_shape, rotor_turns

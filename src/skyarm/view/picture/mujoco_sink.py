@@ -16,9 +16,9 @@ import numpy as np
 from skyarm.plant.mujoco_model import KINDS
 from skyarm.records.arrays import Array, IntArray, Pixels
 from skyarm.records.immutable import positional
-from skyarm.view.film.camera_paths import FIELD_OF_VIEW, CameraPath
-from skyarm.view.film.filmed_flight import FilmMark
-from skyarm.view.film.offscreen import offscreen
+from skyarm.view.picture.camera import FIELD_OF_VIEW, CameraPath
+from skyarm.view.picture.marks import Stroke
+from skyarm.view.picture.offscreen import offscreen
 from skyarm.world.scene.shapes import SURFACE, UPRIGHT, Shape, Solid, mesh_of, own_mesh
 
 GEOMS = {
@@ -78,7 +78,7 @@ class FramePanel:
     height: int
     camera: CameraPath
     solids: Sequence[Solid]
-    marks: Callable[[int], Sequence[FilmMark]]
+    marks: Callable[[int], Sequence[Stroke]]
     ground: float = 0.0
 
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -20,7 +20,12 @@ from skyarm.world.scene.shapes import RGBA, UPRIGHT, Shape, Solid, mesh_of
 from skyarm.world.scene.vehicle_shapes import quaternions_of, vehicle_shapes
 
 if TYPE_CHECKING:
-    from skyarm.view.studio.server import LineNode, SceneApi, SceneNode, ShapeNode
+    import viser
+    from viser import SceneApi
+
+SceneNode: TypeAlias = "viser.SceneNodeHandle"
+ShapeNode: TypeAlias = "viser.MeshHandle | viser.IcosphereHandle | viser.BoxHandle | viser.CylinderHandle"
+LineNode: TypeAlias = "viser.LineSegmentsHandle"
 
 Paint = Callable[[str], RGBA]
 """Function from a shape's role to its colour."""

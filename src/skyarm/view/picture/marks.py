@@ -1,0 +1,215 @@
+"""Marks of a flight in a picture: solids of vehicle and desired pose, trail, path, wind and contact forces."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+
+from skyarm.records.arrays import Array, norm
+from skyarm.records.immutable import positional
+from skyarm.view.picture.frames import Color, FlightFrames
+from skyarm.world.scene.shapes import RGBA, Solid
+from skyarm.world.scene.vehicle_shapes import body_poses, rotor_turns, shape_rotation, vehicle_shapes
+
+COLORS: tuple[Color, ...] = (
+    (0.835, 0.369, 0.0),
+    (0.0, 0.447, 0.698),
+    (0.0, 0.620, 0.451),
+    (0.8, 0.475, 0.655),
+    (0.45, 0.35, 0.75),
+    (0.35, 0.35, 0.35),
+)
+"""Colours (red, green, blue, 0 to 1) by the flight's index; the first four are Okabe and Ito's, distinguishable by
+colour-blind eyes."""
+
+
+TRAIL = 4.0
+"""Duration (s) of the tip's trail."""
+
+TRAIL_PIECES = 80
+"""Number of line segments of a trail."""
+
+GHOST_OPACITY, ROTOR_OPACITY = 0.16, 0.45
+GHOST: Color = (0.15, 0.2, 0.3)
+DARK: Color = (0.16, 0.17, 0.2)
+TIP: Color = (0.85, 0.12, 0.16)
+POINT: Color = (0.95, 0.75, 0.1)
+WHITE: Color = (1.0, 1.0, 1.0)
+PATH: RGBA = (0.25, 0.28, 0.34, 0.55)
+WIND: RGBA = (0.25, 0.55, 0.85, 0.9)
+
+TOUCH: RGBA = (0.78, 0.1, 0.55, 0.95)
+"""Colour of contact forces."""
+
+TOUCH_PER_NEWTON, LONGEST_TOUCH = 0.12, 0.5
+"""Length of a contact arrow: m per N, and largest (m)."""
+
+THICK, THIN = 3.5, 2.0
+"""Line widths (pixels at 720 lines) of a trail and of a desired path."""
+
+LEAST_STEP = 0.004
+"""Least length (m) of a trail's segment, so that a tip at rest costs nothing."""
+
+ARROW_PER_NEWTON, ARROW_PER_SPEED, LONGEST_ARROW = 0.2, 0.08, 0.6
+"""Length of wind arrows: m per N, m per m/s, and largest (m)."""
+
+LEAST_FORCE, LEAST_SPEED = 0.02, 0.05
+"""Least force (N) and air speed (m/s) that are drawn."""
+
+
+@positional
+class Stroke:
+    """Line or arrow between two world points, drawn in one frame of a film.
+
+    Attributes:
+        kind: "line" or "arrow". width: pixels of a line, m of an arrow's radius.
+    """
+
+    kind: str
+    width: float
+    start: Array
+    end: Array
+    rgba: RGBA
+
+
+def trail(flight: FlightFrames, times: Array, k: int, width: float) -> list[Stroke]:
+    """Make the fading trail of the tip's last seconds, as lines."""
+    first = int(np.searchsorted(times, times[k] - TRAIL))
+    # every so many frames of the film, not of the trail, so that a line stays where it was drawn once
+    every = max(1, int(np.searchsorted(times, times[0] + TRAIL)) // TRAIL_PIECES)
+    at = _thin_out(flight.tip[[*range(-(-first // every) * every, k, every), k]])
+    share = np.linspace(0.15, 0.85, max(len(at) - 1, 1))
+    return [
+        Stroke("line", width, a, b, (*flight.color, float(s))) for a, b, s in zip(at[:-1], at[1:], share, strict=False)
+    ]
+
+
+def desired_path(flight: FlightFrames, width: float) -> list[Stroke]:
+    """Make the line of the desired tip path over a whole film."""
+    at = _thin_out(flight.desired_tip[:: -(-len(flight.desired_tip) // (4 * TRAIL_PIECES))])
+    return [Stroke("line", width, a, b, PATH) for a, b in pairwise(at)]
+
+
+def wind_arrow(flight: FlightFrames, k: int, reach: float) -> list[Stroke]:
+    """Make an arrow along the wind near the vehicle, with a length by wind force or air speed, the longer one."""
+    seen = [
+        scale * each[k]
+        for each, scale, least in (
+            (flight.force, ARROW_PER_NEWTON, LEAST_FORCE),
+            (flight.air, ARROW_PER_SPEED, LEAST_SPEED),
+        )
+        if np.linalg.norm(each[k]) > least
+    ]
+    length = max(seen, key=norm, default=np.zeros(3))
+    size = norm(length)
+    if not size:
+        return []
+    along = length / size
+    end = flight.desired_position[k] - 1.6 * reach * along + np.array([0.0, 0.0, 0.8 * reach])
+    return [Stroke("arrow", 0.06 * reach, end - min(size, LONGEST_ARROW) * along, end, WIND)]
+
+
+def touch_marks(flight: FlightFrames, k: int, reach: float) -> list[Stroke]:
+    """Make arrows of all contact forces at frame k, each starting at its contact point."""
+    marks = []
+    for touch in flight.scene.arrows:
+        size = norm(touch.force[k])
+        if size > LEAST_FORCE:
+            length = min(TOUCH_PER_NEWTON * size, LONGEST_TOUCH)
+            end = touch.spot[k] + touch.force[k] * (length / size)
+            marks.append(Stroke("arrow", 0.045 * reach, touch.spot[k], end, TOUCH))
+    return marks
+
+
+def wind_words(flight: FlightFrames, k: int) -> str:
+    """Caption with the force on the base and the wind speed in a frame; empty if both are negligible."""
+    force, speed = (norm(each[k]) for each in (flight.force, flight.air))
+    words = [f"force {force:.1f} N"] if force > LEAST_FORCE else []
+    return ", ".join([*words, *([f"wind {speed:.1f} m/s"] if speed > LEAST_SPEED else [])])
+
+
+def _thin_out(places: Array) -> Array:
+    """Thin out a path (F, 3) so that neighbouring points keep a minimum distance."""
+    chosen = [places[0]]
+    for place in places[1:]:
+        if np.linalg.norm(place - chosen[-1]) > LEAST_STEP:
+            chosen.append(place)
+    return np.array(chosen)
+
+
+def marks_of(
+    flights: Sequence[FlightFrames], times: Array, reach: float, scale: float
+) -> Callable[[int], list[Stroke]]:
+    """Make a function that lists the lines and arrows of a film panel at a given frame."""
+    still = desired_path(flights[0], THIN * scale)
+    for flight in flights[1:]:
+        if not np.allclose(flight.desired_tip, flights[0].desired_tip, atol=1e-6):
+            still += desired_path(flight, THIN * scale)
+
+    def at(k: int) -> list[Stroke]:
+        moving = [mark for flight in flights for mark in trail(flight, times, k, THICK * scale)]
+        touching = [mark for flight in flights for mark in touch_marks(flight, k, reach)]
+        drawn = [line for flight in flights for line in scene_lines(flight, k, THICK * scale)]
+        blowing = [arrow for flight in flights for arrow in wind_arrow(flight, k, reach)]
+        return [*still, *moving, *drawn, *touching, *blowing]
+
+    return at
+
+
+def vehicle_solids(flight: FlightFrames) -> list[Solid]:
+    """Make the solids of a flight in a film: vehicle in the flight's colour, payloads and surroundings."""
+    own = _solids(flight, flight.position, flight.quaternion, flight.joints, ghost=False)
+    around = (
+        replace(each, rgba=each.rgba or role_color(each.shape.role, flight.color, ghost=False))
+        for each in flight.scene.solids
+    )
+    return [*own, *around]
+
+
+def scene_lines(flight: FlightFrames, k: int, width: float) -> list[Stroke]:
+    """Make the lines of line-shaped objects, such as cables, in a film's frame k; hidden ones (NaN) are left out."""
+    pieces = [(a, b, line.rgba) for line in flight.scene.lines for a, b in pairwise(line.places[k])]
+    return [Stroke("line", width, a, b, rgba) for a, b, rgba in pieces if np.isfinite([a, b]).all()]
+
+
+def ghost_solids(flight: FlightFrames) -> list[Solid]:
+    """Make transparent solids of the vehicle in its desired pose: level base, joints on reference."""
+    desired = flight.desired_position, flight.desired_quaternion, flight.desired_joints
+    return _solids(flight, *desired, ghost=True)
+
+
+def role_color(role: str, color: Color, *, ghost: bool) -> RGBA:
+    """Colour of a shape by its role (hull, link, rotor, ...); ``color`` is that of the flight."""
+    if ghost:
+        return (*GHOST, GHOST_OPACITY)
+    if role == "rotor":
+        return (*_mix(color, WHITE, 0.45), ROTOR_OPACITY)
+    own = {
+        "hull": color,
+        "link": _mix(color, WHITE, 0.25),
+        "tip": TIP,
+        "point": POINT,
+        "payload": _mix(color, DARK, 0.5),
+    }
+    return (*own.get(role, DARK), 1.0)
+
+
+def _solids(flight: FlightFrames, position: Array, quaternion: Array, joints: Array, *, ghost: bool) -> list[Solid]:
+    poses = body_poses(flight.vehicle, position, quaternion, joints)
+    # nothing is wanted of the servos: the desired pose has them at rest
+    turns = {} if ghost else rotor_turns(flight.vehicle, flight.tilts)
+    solids = []
+    for shape in (*vehicle_shapes(flight.vehicle), *(() if ghost else flight.scene.attached)):
+        R, p = poses[shape.body]
+        color = role_color(shape.role, flight.color, ghost=ghost)
+        solids.append(Solid(shape, p + R @ np.array(shape.position), R @ shape_rotation(shape, turns), color))
+    return solids
+
+
+def _mix(a: Color, b: Color, share: float) -> Color:
+    """Blend of two colours, with a ``share`` of the second."""
+    red, green, blue = ((1.0 - share) * one + share * other for one, other in zip(a, b, strict=True))
+    return (red, green, blue)
