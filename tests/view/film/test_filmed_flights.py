@@ -18,7 +18,6 @@ from skyarm.view.picture.camera import FIELD_OF_VIEW
 from skyarm.view.picture.marks import (
     COLORS,
     GHOST,
-    GHOST_OPACITY,
     TRAIL,
     desired_path,
     ghost_solids,
@@ -69,8 +68,8 @@ def test_the_ghost_s_tip_is_the_tip_s_reference_and_the_vehicle_s_tip_is_the_tip
         # the log computes it by frame_pose_world, the film by the poses of links
         np.testing.assert_allclose(ball.position, tip, atol=1e-12)
     # grey and see-through, whatever the flight's colour is
-    assert {solid.rgba for solid in ghost_solids(filmed)} == {(*GHOST, GHOST_OPACITY)}
-    assert GHOST_OPACITY < 0.5
+    assert {solid.rgba for solid in ghost_solids(filmed)} == {GHOST}
+    assert GHOST[3] < 0.5
 
 
 def test_the_ghost_turns_with_the_desired_yaw() -> None:

@@ -10,8 +10,8 @@ import pytest
 import skyarm
 from skyarm.algebra import Vec3
 from skyarm.vehicle.linkage import BASE
+from skyarm.view.picture.marks import tones_of
 from skyarm.view.picture.viser_sink import STILL, LineNodes, SolidNodes, VehicleNodes
-from skyarm.view.studio.picture import tones_of
 from skyarm.world.hanging_payload import HangingPayload
 from skyarm.world.scene.component_scenes import scene_in_log
 from skyarm.world.scene.scene import Instants

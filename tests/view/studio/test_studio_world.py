@@ -19,10 +19,11 @@ from skyarm.simulate.first_state import first_loop_state
 from skyarm.simulate.session import Session
 from skyarm.simulate.stages import Stages
 from skyarm.vehicle.vehicle_files import load_vehicle
+from skyarm.view.picture.marks import tones_of
 from skyarm.view.picture.viser_sink import Arrows, SolidNodes, VehicleNodes
 from skyarm.view.studio.controls import charts
 from skyarm.view.studio.fleet import Flight, FlownAgent
-from skyarm.view.studio.picture import NEWTON, VIEWS, FleetPicture, force_arrows, tones_of, touch_arrows
+from skyarm.view.studio.picture import NEWTON, VIEWS, FleetPicture, force_arrows, touch_arrows
 from skyarm.view.studio.sights import PlottedInstant, contact_forces, sights
 from skyarm.world.scene.component_scenes import scene_now
 from skyarm.world.scene.scene import Scene, instant_of

@@ -38,7 +38,7 @@ READ = {
 """Field of a filmed flight -> equal array of a log."""
 
 
-@immutable
+@immutable(slots=False)
 class FilmedFlight(FlightFrames):
     """Frames of one vehicle's flight from its log, with its error, contact force and end over the whole flight.
 
@@ -110,6 +110,7 @@ def _resample(log: Log, label: str, color: Color, times: Array, number: int = 0)
         label=label,
         color=color,
         vehicle=agent.vehicle,
+        times=times,
         quaternion=read(log.time, continuous(log.quaternion), times),
         desired_quaternion=yaw_quaternion(yaw),
         error=read(log.time, error[:, None], times)[:, 0],
@@ -131,18 +132,17 @@ def _with_scenes(
     """Add the scenes around the vehicles of a flight: what all share to the first, to each what it has for itself."""
     around = np.mean(np.concatenate([each.desired_tip for each in team]) if about is None else about, axis=0)
     patch = patch_about(np.concatenate([each.tip for each in team]) if about is None else about)
-    scenario, agents = log.scenario, dict[str, Instants]()
-    for name, each in zip(scenario.agents, team, strict=True):
-        agents[name] = Instants(
-            vehicle=each.vehicle, times=times, position=each.position, quaternion=each.quaternion, joints=each.joints,
-            around=around, patch=patch, name=name,
-        )  # fmt: skip
+    scenario = log.scenario
+    agents = {
+        name: replace(each, name=name, around=around, patch=patch)
+        for name, each in zip(scenario.agents, team, strict=True)
+    }
 
     def draw(name: str, shared: bool) -> Scene:
         models = *scenario.own_components(scenario.agents[name]), *(scenario.shared_components if shared else ())
         return _scene(log.agents[name], models, replace(agents[name], agents=agents))
 
-    for each, scene in zip(team, scenes_of(agents, draw), strict=True):
+    for each, scene in zip(agents.values(), scenes_of(agents, draw), strict=True):
         yield replace(each, scene=scene)
 
 

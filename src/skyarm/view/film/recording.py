@@ -24,10 +24,10 @@ from skyarm.view.film.filmed_flight import FilmedFlight, film_flights
 from skyarm.view.film.make_film import FilmSettings, Progress, frame_times
 from skyarm.view.picture.camera import FIELD_OF_VIEW
 from skyarm.view.picture.frames import Flights, by_flight
-from skyarm.view.picture.marks import LEAST_FORCE, LEAST_SPEED, TOUCH, WIND, role_color, touch_marks, wind_words
+from skyarm.view.picture.marks import LEAST_FORCE, LEAST_SPEED, TOUCH, WIND, Paint, paint_of, touch_marks, wind_words
 from skyarm.view.picture.viser_sink import DIGITS, Arrows, LineNodes, SolidNodes, VehicleNodes, bytes_of, segments
-from skyarm.world.scene.shapes import RGBA
-from skyarm.world.scene.vehicle_shapes import body_poses, rotor_turns
+from skyarm.world.scene.shapes import Shape
+from skyarm.world.scene.vehicle_shapes import Poses, rotor_turns
 
 if TYPE_CHECKING:
     from viser import SceneApi
@@ -170,12 +170,11 @@ class _RecordedFlight:
         self._blows = np.zeros(3)
         # the origin is the flight's own place
         scene.add_frame(root, show_axes=False, position=shift)
-        pose = flight.position, flight.quaternion, flight.joints
-        self._bodies = [self._vehicle(scene, f"{root}/vehicle", pose, ghost=False)]
+        paint = paint_of(flight.color)
+        self._bodies = [self._vehicle(scene, f"{root}/vehicle", flight.poses, paint, flight.scene.attached)]
         self._turns = rotor_turns(flight.vehicle, flight.tilts)
         if settings.ghost:
-            pose = flight.desired_position, flight.desired_quaternion, flight.desired_joints
-            self._bodies.append(self._vehicle(scene, f"{root}/desired", pose, ghost=True))
+            self._bodies.append(self._vehicle(scene, f"{root}/desired", flight.desired_poses, lambda _: GHOST))
         _add_path(scene, f"{root}/tip_path", flight.tip, bytes_of(flight.color), 2.0)
         _add_path(scene, f"{root}/desired_tip_path", flight.desired_tip, PATH_COLOR, 1.0)
         above = flight.desired_position.mean(axis=0) + np.array([0.0, 0.0, 1.3 * reach])
@@ -188,20 +187,15 @@ class _RecordedFlight:
         colors = [bytes_of(TOUCH)] * len(flight.scene.arrows)
         self._touches = Arrows(scene, f"{root}/touches", colors, 0.035 * reach, reached) if colors else None
         self._lines = LineNodes(scene, f"{root}/lines")
-        self._world = SolidNodes(scene, f"{root}/solids", lambda role: role_color(role, flight.color, ghost=False))
+        self._world = SolidNodes(scene, f"{root}/solids", paint)
         self._every = max(1, round(settings.fps / WORDS_PER_SECOND))
 
     def _vehicle(
-        self, scene: SceneApi, name: str, pose: tuple[Array, Array, Array], *, ghost: bool
+        self, scene: SceneApi, name: str, poses: Poses, paint: Paint, points: Sequence[Shape] = ()
     ) -> tuple[VehicleNodes, Array, Array]:
         """Create the scene nodes of a vehicle; returns them with rotations and positions at every frame."""
-        flight = self._flight
-
-        def paint(role: str) -> RGBA:
-            return GHOST if ghost else role_color(role, flight.color, ghost=False)
-
-        nodes = VehicleNodes(scene, name, flight.vehicle, paint, points=() if ghost else flight.scene.attached)
-        rotations, positions = zip(*body_poses(flight.vehicle, *pose).values(), strict=True)
+        nodes = VehicleNodes(scene, name, self._flight.vehicle, paint, points=points)
+        rotations, positions = zip(*poses.values(), strict=True)
         return nodes, np.stack(rotations, axis=1), np.stack(positions, axis=1)
 
     def put(self, k: int) -> None:

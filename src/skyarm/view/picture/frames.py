@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import field
+from functools import cached_property
 from itertools import groupby
 
 import numpy as np
@@ -21,8 +22,8 @@ from skyarm.scenario.scenario_record import Agent, Scenario
 from skyarm.simulate.loop_state import LoopState
 from skyarm.vehicle import Vehicle
 from skyarm.world.scene.component_scenes import scene_now, scenes_of
-from skyarm.world.scene.scene import PATCH, Scene, instant_of
-from skyarm.world.scene.vehicle_shapes import Placed, place
+from skyarm.world.scene.scene import PATCH, Instants, Scene, instant_of
+from skyarm.world.scene.vehicle_shapes import Placed, Poses, body_poses, place
 
 Color = tuple[float, float, float]
 
@@ -30,15 +31,13 @@ WIDEST = 6.0
 """Extent (m) of the paths beyond which the patch of a plane does not grow."""
 
 
-@immutable
-class FlightFrames:
-    """Poses, forces and surroundings of one vehicle at F instants, in SI units and world axes.
+@immutable(slots=False)
+class FlightFrames(Instants):
+    """Instants of one vehicle's flight with its desired pose, forces and surroundings, in SI units and world axes.
 
     Attributes:
         number: index of the flight in the picture, the same for the vehicles that fly together.
         label: name in the picture. color: colour of the vehicle, its trail and its curve.
-        vehicle: the plant's.
-        position (F, 3), quaternion (F, 4) wxyz, joints (F, n): of the plant.
         desired_position (F, 3), desired_quaternion (F, 4), desired_joints (F, n): the continuous reference, level.
         tip, desired_tip: (F, 3) m. force: (F, 3) N of the wind. air: (F, 3) m/s, velocity of the air.
         tilts: (F, rotors that tilt) rad; without columns where none does.
@@ -47,10 +46,6 @@ class FlightFrames:
 
     label: str
     color: Color
-    vehicle: Vehicle
-    position: Array
-    quaternion: Array
-    joints: Array
     tilts: Array
     desired_position: Array
     desired_quaternion: Array
@@ -61,6 +56,11 @@ class FlightFrames:
     air: Array
     scene: Scene = field(default_factory=Scene)
     number: int = 0
+
+    @cached_property
+    def desired_poses(self) -> Poses:
+        """World rotations (F, 3, 3) and positions (F, 3) of all bodies in the desired pose, by body index."""
+        return body_poses(self.vehicle, self.desired_position, self.desired_quaternion, self.desired_joints)
 
 
 Flights = Sequence[FlightFrames]

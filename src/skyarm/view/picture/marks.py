@@ -11,8 +11,11 @@ import numpy as np
 from skyarm.records.arrays import Array, norm
 from skyarm.records.immutable import positional
 from skyarm.view.picture.frames import Color, FlightFrames
-from skyarm.world.scene.shapes import RGBA, Solid
-from skyarm.world.scene.vehicle_shapes import body_poses, rotor_turns, shape_rotation, vehicle_shapes
+from skyarm.world.scene.shapes import RGBA, Shape, Solid
+from skyarm.world.scene.vehicle_shapes import Poses, rotor_turns, shape_rotation, vehicle_shapes
+
+Paint = Callable[[str], RGBA]
+"""Function from a shape's role to its colour."""
 
 COLORS: tuple[Color, ...] = (
     (0.835, 0.369, 0.0),
@@ -32,8 +35,8 @@ TRAIL = 4.0
 TRAIL_PIECES = 80
 """Number of line segments of a trail."""
 
-GHOST_OPACITY, ROTOR_OPACITY = 0.16, 0.45
-GHOST: Color = (0.15, 0.2, 0.3)
+ROTOR_OPACITY = 0.45
+GHOST: RGBA = (0.15, 0.2, 0.3, 0.16)
 DARK: Color = (0.16, 0.17, 0.2)
 TIP: Color = (0.85, 0.12, 0.16)
 POINT: Color = (0.95, 0.75, 0.1)
@@ -46,6 +49,9 @@ TOUCH: RGBA = (0.78, 0.1, 0.55, 0.95)
 
 TOUCH_PER_NEWTON, LONGEST_TOUCH = 0.12, 0.5
 """Length of a contact arrow: m per N, and largest (m)."""
+
+TONES = {"hull": 1.0, "boom": 0.75, "rotor": 0.5, "link": 0.85, "joint": 0.6, "tip": 1.15, "point": 1.4, "payload": 0.4}
+"""Role of a shape -> brightness of its law's colour in the studio; 0.6 for any other."""
 
 THICK, THIN = 3.5, 2.0
 """Line widths (pixels at 720 lines) of a trail and of a desired path."""
@@ -161,12 +167,10 @@ def marks_of(
 
 def vehicle_solids(flight: FlightFrames) -> list[Solid]:
     """Make the solids of a flight in a film: vehicle in the flight's colour, payloads and surroundings."""
-    own = _solids(flight, flight.position, flight.quaternion, flight.joints, ghost=False)
-    around = (
-        replace(each, rgba=each.rgba or role_color(each.shape.role, flight.color, ghost=False))
-        for each in flight.scene.solids
-    )
-    return [*own, *around]
+    paint, turns = paint_of(flight.color), rotor_turns(flight.vehicle, flight.tilts)
+    shapes = *vehicle_shapes(flight.vehicle), *flight.scene.attached
+    around = (replace(each, rgba=each.rgba or paint(each.shape.role)) for each in flight.scene.solids)
+    return [*_solids(shapes, flight.poses, paint, turns), *around]
 
 
 def scene_lines(flight: FlightFrames, k: int, width: float) -> list[Stroke]:
@@ -176,37 +180,41 @@ def scene_lines(flight: FlightFrames, k: int, width: float) -> list[Stroke]:
 
 
 def ghost_solids(flight: FlightFrames) -> list[Solid]:
-    """Make transparent solids of the vehicle in its desired pose: level base, joints on reference."""
-    desired = flight.desired_position, flight.desired_quaternion, flight.desired_joints
-    return _solids(flight, *desired, ghost=True)
+    """Make transparent solids of the vehicle in its desired pose: level base, joints on reference, servos at rest."""
+    return _solids(vehicle_shapes(flight.vehicle), flight.desired_poses, lambda _: GHOST, {})
 
 
-def role_color(role: str, color: Color, *, ghost: bool) -> RGBA:
-    """Colour of a shape by its role (hull, link, rotor, ...); ``color`` is that of the flight."""
-    if ghost:
-        return (*GHOST, GHOST_OPACITY)
-    if role == "rotor":
-        return (*_mix(color, WHITE, 0.45), ROTOR_OPACITY)
-    own = {
-        "hull": color,
-        "link": _mix(color, WHITE, 0.25),
-        "tip": TIP,
-        "point": POINT,
-        "payload": _mix(color, DARK, 0.5),
-    }
-    return (*own.get(role, DARK), 1.0)
-
-
-def _solids(flight: FlightFrames, position: Array, quaternion: Array, joints: Array, *, ghost: bool) -> list[Solid]:
-    poses = body_poses(flight.vehicle, position, quaternion, joints)
-    # nothing is wanted of the servos: the desired pose has them at rest
-    turns = {} if ghost else rotor_turns(flight.vehicle, flight.tilts)
+def _solids(shapes: Sequence[Shape], poses: Poses, paint: Paint, turns: dict[str, Array]) -> list[Solid]:
+    """Make the solids of shapes on a vehicle's bodies."""
     solids = []
-    for shape in (*vehicle_shapes(flight.vehicle), *(() if ghost else flight.scene.attached)):
+    for shape in shapes:
         R, p = poses[shape.body]
-        color = role_color(shape.role, flight.color, ghost=ghost)
-        solids.append(Solid(shape, p + R @ np.array(shape.position), R @ shape_rotation(shape, turns), color))
+        place, turn = p + R @ np.array(shape.position), R @ shape_rotation(shape, turns)
+        solids.append(Solid(shape, place, turn, paint(shape.role)))
     return solids
+
+
+def paint_of(color: Color) -> Paint:
+    """Make a function from a shape's role (hull, link, rotor, ...) to its colour in a film, given the flight's."""
+    own: dict[str, RGBA] = {
+        "hull": (*color, 1.0),
+        "link": (*_mix(color, WHITE, 0.25), 1.0),
+        "rotor": (*_mix(color, WHITE, 0.45), ROTOR_OPACITY),
+        "tip": (*TIP, 1.0),
+        "point": (*POINT, 1.0),
+        "payload": (*_mix(color, DARK, 0.5), 1.0),
+    }
+    return lambda role: own.get(role, (*DARK, 1.0))
+
+
+def tones_of(color: Sequence[int], opacity: float = 1.0) -> Paint:
+    """Make a function from a shape's role to a shade of one colour (0 to 255); rotors are transparent."""
+
+    def paint(role: str) -> RGBA:
+        red, green, blue = (min(1.0, TONES.get(role, 0.6) * c / 255.0) for c in color)
+        return (red, green, blue, 0.5 * min(opacity, 0.7) if role == "rotor" else opacity)
+
+    return paint
 
 
 def _mix(a: Color, b: Color, share: float) -> Color:

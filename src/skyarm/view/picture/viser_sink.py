@@ -5,7 +5,7 @@ A node is sent a value only where it differs from the last one by more than can 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, TypeAlias
@@ -15,6 +15,7 @@ import numpy.typing as npt
 
 from skyarm.records.arrays import Array, lengths
 from skyarm.vehicle import BASE, Vehicle
+from skyarm.view.picture.marks import Paint
 from skyarm.world.scene.scene import Line
 from skyarm.world.scene.shapes import RGBA, UPRIGHT, Shape, Solid, mesh_of
 from skyarm.world.scene.vehicle_shapes import quaternions_of, vehicle_shapes
@@ -26,9 +27,6 @@ if TYPE_CHECKING:
 SceneNode: TypeAlias = "viser.SceneNodeHandle"
 ShapeNode: TypeAlias = "viser.MeshHandle | viser.IcosphereHandle | viser.BoxHandle | viser.CylinderHandle"
 LineNode: TypeAlias = "viser.LineSegmentsHandle"
-
-Paint = Callable[[str], RGBA]
-"""Function from a shape's role to its colour."""
 
 NO_TURNS: Mapping[str, Array] = MappingProxyType({})
 

@@ -15,11 +15,12 @@ from skyarm.scenario.scenario_record import Scenario
 from skyarm.simulate.first_state import first_loop_state
 from skyarm.vehicle import Vehicle
 from skyarm.view.picture.frames import goal_of, poses_of, scenes_at
-from skyarm.view.picture.viser_sink import STILL, Arrows, LineNodes, Paint, SolidNodes, VehicleNodes, segments
+from skyarm.view.picture.marks import tones_of
+from skyarm.view.picture.viser_sink import STILL, Arrows, LineNodes, SolidNodes, VehicleNodes, segments
 from skyarm.view.studio.fleet import Flight, FlownAgent
 from skyarm.view.studio.sights import PlottedInstant
 from skyarm.world.scene.scene import OBSTACLES, Arrow, Scene, hidden_share
-from skyarm.world.scene.shapes import RGBA, Solid, floats
+from skyarm.world.scene.shapes import Solid, floats
 from skyarm.world.scene.vehicle_shapes import Placed, disc_name, payload_shape, rotor_turns
 
 if TYPE_CHECKING:
@@ -35,9 +36,6 @@ SHELL = 0.06
 
 FLOORS = {False: ((200, 200, 200), (140, 140, 140)), True: ((40, 40, 40), (62, 62, 62))}
 """True for a dark page -> colours of the floor's lines, of cells and of metres."""
-
-TONES = {"hull": 1.0, "boom": 0.75, "rotor": 0.5, "link": 0.85, "joint": 0.6, "tip": 1.15, "point": 1.4, "payload": 0.4}
-"""Role of a shape -> brightness of its law's colour; 0.6 for any other."""
 
 THRUST, WIND, PUSHED, TOUCH = (240, 190, 40), (70, 170, 220), (225, 60, 60), (198, 26, 140)
 
@@ -61,16 +59,6 @@ VIEWS = tuple(np.array([x, y, 0.38]) for x, y in ((0.72, -0.85), (-0.72, -0.85),
 
 LOOK_AT = np.array([0.12, 0.08, -0.28])
 """Camera target (m, relative to the vehicle) of a new tab, left of the panel on a wide screen."""
-
-
-def tones_of(color: Sequence[int], opacity: float = 1.0) -> Paint:
-    """Make a function from a shape's role to a shade of one colour; rotors are transparent."""
-
-    def paint(role: str) -> RGBA:
-        red, green, blue = (min(1.0, TONES.get(role, 0.6) * c / 255.0) for c in color)
-        return (red, green, blue, 0.5 * min(opacity, 0.7) if role == "rotor" else opacity)
-
-    return paint
 
 
 class AgentNodes:
