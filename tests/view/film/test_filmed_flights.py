@@ -15,8 +15,8 @@ from skyarm.view.film.captions import frame_layout
 from skyarm.view.film.filmed_flight import film_flight, film_flights, flight_labels
 from skyarm.view.film.make_film import Camera, FilmSettings, film_panels, frame_times, size_of
 from skyarm.view.picture.camera import FIELD_OF_VIEW
+from skyarm.view.picture.frames import COLORS
 from skyarm.view.picture.marks import (
-    COLORS,
     GHOST,
     TRAIL,
     desired_path,

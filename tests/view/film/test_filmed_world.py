@@ -17,7 +17,8 @@ from skyarm.view.film.camera_paths import AZIMUTH, ELEVATION, free_azimuth, look
 from skyarm.view.film.captions import frame_layout, state_words
 from skyarm.view.film.filmed_flight import FilmedFlight, film_flight
 from skyarm.view.film.make_film import FilmSettings, film_frames, film_panels
-from skyarm.view.picture.marks import COLORS, LONGEST_TOUCH, TOUCH, TOUCH_PER_NEWTON, touch_marks, vehicle_solids
+from skyarm.view.picture.frames import COLORS
+from skyarm.view.picture.marks import LONGEST_TOUCH, TOUCH, TOUCH_PER_NEWTON, touch_marks, vehicle_solids
 from skyarm.world.scene.scene import Scene
 from skyarm.world.scene.shapes import OBJECT, SURFACE, Solid
 from support.pictures import flight, needs_display

@@ -290,7 +290,8 @@ def test_steps_shorter_than_the_clock_are_said(press):
 
 def test_a_film_shows_what_may_be_touched(pressed):
     from skyarm.view.film.filmed_flight import film_flight
-    from skyarm.view.picture.marks import COLORS, vehicle_solids
+    from skyarm.view.picture.frames import COLORS
+    from skyarm.view.picture.marks import vehicle_solids
 
     solids = vehicle_solids(film_flight(pressed, "a", COLORS[0], pressed.time[::40]))
     (wall,) = (solid for solid in solids if solid.shape.role == "surface")

@@ -17,7 +17,8 @@ from skyarm.algebra import Vec3
 from skyarm.vehicle.vehicle_records import Vehicle
 from skyarm.view.figures.flight_plot import path_figure
 from skyarm.view.film.filmed_flight import film_flight
-from skyarm.view.picture.marks import COLORS, marks_of, vehicle_solids
+from skyarm.view.picture.frames import COLORS
+from skyarm.view.picture.marks import marks_of, vehicle_solids
 from skyarm.view.studio.fleet import Flight
 from skyarm.view.studio.picture import FleetPicture
 from skyarm.world import ForceWind, Gust

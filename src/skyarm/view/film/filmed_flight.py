@@ -16,8 +16,7 @@ from skyarm.records.immutable import immutable
 from skyarm.records.leaves import Tree
 from skyarm.reference.tip_motion import TipPush
 from skyarm.view.figures.flight_facts import applied_force, desired_push, end_time, flight_labels, vehicle_logs
-from skyarm.view.picture.frames import Color, FlightFrames, patch_about
-from skyarm.view.picture.marks import COLORS
+from skyarm.view.picture.frames import COLORS, Color, FlightFrames, patch_about
 from skyarm.world.component import Component
 from skyarm.world.scene.component_scenes import scene_in_log, scenes_of
 from skyarm.world.scene.scene import Instants, Scene

@@ -7,25 +7,41 @@ resampled by :mod:`skyarm.view.film.filmed_flight`.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import field
+from collections.abc import Iterable, Sequence
+from dataclasses import field, replace
 from functools import cached_property
 from itertools import groupby
+from typing import SupportsFloat
 
 import numpy as np
 
 from skyarm.dynamics import State
+from skyarm.log.tip_positions import level_tip, tip, yaw_quaternion
+from skyarm.plant.loads import wind_at
 from skyarm.plant.surroundings import motions_of
-from skyarm.records.arrays import Array
+from skyarm.records.arrays import Array, float_array
 from skyarm.records.immutable import immutable
 from skyarm.scenario.scenario_record import Agent, Scenario
+from skyarm.simulate.inputs import EpisodeInputs, table_of
 from skyarm.simulate.loop_state import LoopState
+from skyarm.simulate.stages import Stages
 from skyarm.vehicle import Vehicle
 from skyarm.world.scene.component_scenes import scene_now, scenes_of
 from skyarm.world.scene.scene import PATCH, Instants, Scene, instant_of
 from skyarm.world.scene.vehicle_shapes import Placed, Poses, body_poses, place
 
 Color = tuple[float, float, float]
+
+COLORS: tuple[Color, ...] = (
+    (0.835, 0.369, 0.0),
+    (0.0, 0.447, 0.698),
+    (0.0, 0.620, 0.451),
+    (0.8, 0.475, 0.655),
+    (0.45, 0.35, 0.75),
+    (0.35, 0.35, 0.35),
+)
+"""Colours (red, green, blue, 0 to 1) by the flight's index; the first four are Okabe and Ito's, distinguishable by
+colour-blind eyes."""
 
 WIDEST = 6.0
 """Extent (m) of the paths beyond which the patch of a plane does not grow."""
@@ -77,6 +93,51 @@ def patch_about(tip: Array) -> float:
     finite = tip[np.isfinite(tip).all(axis=1)]
     way = float(np.ptp(finite, axis=0).max()) if len(finite) else 0.0
     return PATCH + 0.5 * min(way, WIDEST)
+
+
+def frames_now(
+    inputs: EpisodeInputs, now: LoopState, time: float, times: Array, about: Array | None = None
+) -> FlightFrames:
+    """Frames of a running episode of one vehicle, with its present state and surroundings at every instant.
+
+    Args:
+        inputs: inputs of the episode, for the desired pose at each instant.
+        now: state of the closed loop.
+        time: s.
+        times: (F,) s; one instant for a picture of now, several for the desired path.
+        about: (K, 3) m, places about which planes are drawn; about the desired tip, of their usual size, if left out.
+    """
+    scenario, count = inputs.scenario, len(times)
+    ((around, motion),) = Stages(scenario).around(now, time)
+    vehicle, state, wind = scenario.agent.vehicle, motion.state, wind_at(around, motion)
+
+    def still(numbers: Iterable[SupportsFloat]) -> Array:
+        return np.tile(float_array(numbers), (count, 1))
+
+    pose = still(state.position), still(state.quaternion), still(state.joints)
+    desired = replace(inputs, times=times).reference
+    goal, yaw, goal_joints = (table_of(each, count) for each in (desired.position, (desired.yaw,), desired.joints))
+    goal_tip = table_of(desired.tip, count) if desired.tip else level_tip(vehicle, goal, yaw[:, 0], goal_joints)
+    frames = FlightFrames(
+        label=scenario.name,
+        color=COLORS[0],
+        vehicle=vehicle,
+        times=times,
+        position=pose[0],
+        quaternion=pose[1],
+        joints=pose[2],
+        tilts=still(state.tilts),
+        tip=tip(vehicle, *pose),
+        desired_position=goal,
+        desired_quaternion=yaw_quaternion(yaw[:, 0]),
+        desired_joints=goal_joints,
+        desired_tip=goal_tip,
+        force=still(wind.force_W),
+        air=still(wind.air_velocity_W),
+        around=np.mean(goal_tip if about is None else about, axis=0),
+        patch=PATCH if about is None else patch_about(about),
+    )
+    return replace(frames, scene=scene_now(around.components, around.memories, frames, motion))
 
 
 def poses_of(vehicle: Vehicle, state: State) -> Placed:

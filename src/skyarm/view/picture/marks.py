@@ -17,18 +17,6 @@ from skyarm.world.scene.vehicle_shapes import Poses, rotor_turns, shape_rotation
 Paint = Callable[[str], RGBA]
 """Function from a shape's role to its colour."""
 
-COLORS: tuple[Color, ...] = (
-    (0.835, 0.369, 0.0),
-    (0.0, 0.447, 0.698),
-    (0.0, 0.620, 0.451),
-    (0.8, 0.475, 0.655),
-    (0.45, 0.35, 0.75),
-    (0.35, 0.35, 0.35),
-)
-"""Colours (red, green, blue, 0 to 1) by the flight's index; the first four are Okabe and Ito's, distinguishable by
-colour-blind eyes."""
-
-
 TRAIL = 4.0
 """Duration (s) of the tip's trail."""
 
