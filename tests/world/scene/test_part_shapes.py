@@ -16,8 +16,7 @@ import skyarm
 from skyarm.algebra import Vec3
 from skyarm.vehicle.vehicle_records import Vehicle
 from skyarm.view.figures.flight_plot import path_figure
-from skyarm.view.film.filmed_flight import film_flight
-from skyarm.view.picture.frames import COLORS
+from skyarm.view.film.filmed_flight import film_flights
 from skyarm.view.picture.marks import marks_of, vehicle_solids
 from skyarm.view.studio.fleet import Flight
 from skyarm.view.studio.picture import FleetPicture
@@ -80,7 +79,7 @@ def test_a_rope_is_in_the_path_picture() -> None:
 
 def test_a_rope_and_a_cord_are_in_a_film_where_vehicle_and_load_are() -> None:
     log = flown()
-    flight = film_flight(log, "a", COLORS[0], log.time)
+    flight = film_flights([log], log.time)[0]
     rope, _second, cord = flight.scene.lines
     np.testing.assert_allclose(rope.places[:, 1], log.position, atol=1e-9)
     held = np.isfinite(cord.places[:, 0, 0])

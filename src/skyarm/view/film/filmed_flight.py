@@ -62,7 +62,9 @@ class FilmedFlight(FlightFrames):
 
 
 def film_flights(logs: Sequence[Log], times: Array, labels: Sequence[str] | None = None) -> list[FilmedFlight]:
-    """Resample several logs at a film's frames, each vehicle with a name and a colour.
+    """Resample several logs at a film's frames by linear interpolation, each vehicle with a name and a colour.
+
+    After the end of a log its last state stays.
 
     Raises:
         ValueError: too many flights or labels, or a log that does not tell its vehicle.
@@ -77,28 +79,11 @@ def film_flights(logs: Sequence[Log], times: Array, labels: Sequence[str] | None
     colors, flights = iter(COLORS), list[FilmedFlight]()
     for number, (log, name) in enumerate(zip(logs, names, strict=True)):
         team = [_resample(own, label, next(colors), times, number) for label, own in vehicle_logs(name, log)]
-        flights += _with_scenes(team, log, times)
+        flights += _with_scenes(team, log)
     return flights
 
 
-def film_flight(log: Log, label: str, color: Color, times: Array, about: Array | None = None) -> FilmedFlight:
-    """Resample a log of one vehicle at a film's frames by linear interpolation; after its end, the last state stays.
-
-    Args:
-        log: log of the flight.
-        label: name in the picture.
-        color: colour of the vehicle.
-        times: (F,) s.
-        about: (K, 3) m, places about which planes are drawn; the tip's own if left out.
-
-    Raises:
-        ValueError: the log does not tell its vehicle.
-    """
-    (flight,) = _with_scenes([_resample(log, label, color, times)], log, times, about)
-    return flight
-
-
-def _resample(log: Log, label: str, color: Color, times: Array, number: int = 0) -> FilmedFlight:
+def _resample(log: Log, label: str, color: Color, times: Array, number: int) -> FilmedFlight:
     """Resample a log of one vehicle at a film's frames, without a scene."""
     agent = log.scenario.agent
     now: dict[str, Any] = {field: read(log.time, getattr(log, name), times) for field, name in READ.items()}
@@ -125,12 +110,10 @@ def _resample(log: Log, label: str, color: Color, times: Array, number: int = 0)
     )
 
 
-def _with_scenes(
-    team: Sequence[FilmedFlight], log: Log, times: Array, about: Array | None = None
-) -> Iterator[FilmedFlight]:
+def _with_scenes(team: Sequence[FilmedFlight], log: Log) -> Iterator[FilmedFlight]:
     """Add the scenes around the vehicles of a flight: what all share to the first, to each what it has for itself."""
-    around = np.mean(np.concatenate([each.desired_tip for each in team]) if about is None else about, axis=0)
-    patch = patch_about(np.concatenate([each.tip for each in team]) if about is None else about)
+    around = np.mean(np.concatenate([each.desired_tip for each in team]), axis=0)
+    patch = patch_about(np.concatenate([each.tip for each in team]))
     scenario = log.scenario
     agents = {
         name: replace(each, name=name, around=around, patch=patch)

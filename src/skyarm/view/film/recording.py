@@ -24,7 +24,18 @@ from skyarm.view.film.filmed_flight import FilmedFlight, film_flights
 from skyarm.view.film.make_film import FilmSettings, Progress, frame_times
 from skyarm.view.picture.camera import FIELD_OF_VIEW
 from skyarm.view.picture.frames import Flights, by_flight
-from skyarm.view.picture.marks import LEAST_FORCE, LEAST_SPEED, TOUCH, WIND, Paint, paint_of, touch_marks, wind_words
+from skyarm.view.picture.marks import (
+    LEAST_FORCE,
+    LEAST_SPEED,
+    LONGEST_TOUCH,
+    TOUCH,
+    TOUCH_PER_NEWTON,
+    WIND,
+    Paint,
+    paint_of,
+    touch_arrows,
+    wind_words,
+)
 from skyarm.view.picture.viser_sink import DIGITS, Arrows, LineNodes, SolidNodes, VehicleNodes, bytes_of, segments
 from skyarm.world.scene.shapes import Shape
 from skyarm.world.scene.vehicle_shapes import Poses, rotor_turns
@@ -216,10 +227,8 @@ class _RecordedFlight:
             self._blows = along
             self._wind.point(np.array([[self._wind_to - 0.9 * self._reach * along, self._wind_to]]))
         if self._touches is not None:
-            ends = np.zeros((len(flight.scene.arrows), 2, 3))
-            for i, mark in enumerate(touch_marks(flight, k, self._reach)):
-                ends[i] = np.round([mark.start, mark.end], COARSE)
-            self._touches.point(ends)
+            ends = touch_arrows(flight.scene.arrows, k, TOUCH_PER_NEWTON, LONGEST_TOUCH)
+            self._touches.point(np.round(ends, COARSE))
         self._world.place(flight.scene.solids, k)
         self._lines.place(flight.scene.lines, k)
 

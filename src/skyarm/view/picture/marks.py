@@ -8,9 +8,10 @@ from itertools import pairwise
 
 import numpy as np
 
-from skyarm.records.arrays import Array, norm
+from skyarm.records.arrays import Array, lengths, norm
 from skyarm.records.immutable import positional
 from skyarm.view.picture.frames import Color, FlightFrames
+from skyarm.world.scene.scene import Arrow
 from skyarm.world.scene.shapes import RGBA, Shape, Solid
 from skyarm.world.scene.vehicle_shapes import Poses, rotor_turns, shape_rotation, vehicle_shapes
 
@@ -106,16 +107,26 @@ def wind_arrow(flight: FlightFrames, k: int, reach: float) -> list[Stroke]:
     return [Stroke("arrow", 0.06 * reach, end - min(size, LONGEST_ARROW) * along, end, WIND)]
 
 
+def touch_arrows(arrows: Sequence[Arrow], k: int, per_newton: float, longest: float = np.inf) -> Array:
+    """Start and end points (m) of the arrows of contact forces at frame k, (N, 2, 3), each from its contact point.
+
+    Args:
+        arrows: N forces.
+        k: number of the frame.
+        per_newton: length of an arrow, m per N.
+        longest: its largest length, m.
+    """
+    pairs = np.array([(each.spot[k], each.force[k]) for each in arrows]).reshape(-1, 2, 3)
+    spots, forces = pairs.swapaxes(0, 1)
+    scale = np.minimum(per_newton, longest / np.maximum(lengths(forces), LEAST_FORCE))
+    return np.stack([spots, spots + scale[:, None] * forces], axis=1)
+
+
 def touch_marks(flight: FlightFrames, k: int, reach: float) -> list[Stroke]:
-    """Make arrows of all contact forces at frame k, each starting at its contact point."""
-    marks = []
-    for touch in flight.scene.arrows:
-        size = norm(touch.force[k])
-        if size > LEAST_FORCE:
-            length = min(TOUCH_PER_NEWTON * size, LONGEST_TOUCH)
-            end = touch.spot[k] + touch.force[k] * (length / size)
-            marks.append(Stroke("arrow", 0.045 * reach, touch.spot[k], end, TOUCH))
-    return marks
+    """Make arrows of all contact forces at frame k, without those that are too small to be seen."""
+    ends = touch_arrows(flight.scene.arrows, k, TOUCH_PER_NEWTON, LONGEST_TOUCH)
+    least = TOUCH_PER_NEWTON * LEAST_FORCE
+    return [Stroke("arrow", 0.045 * reach, start, end, TOUCH) for start, end in ends if norm(end - start) > least]
 
 
 def wind_words(flight: FlightFrames, k: int) -> str:

@@ -15,11 +15,11 @@ from skyarm.scenario.scenario_record import Scenario
 from skyarm.simulate.first_state import first_loop_state
 from skyarm.vehicle import Vehicle
 from skyarm.view.picture.frames import goal_of, poses_of, scenes_at
-from skyarm.view.picture.marks import tones_of
+from skyarm.view.picture.marks import tones_of, touch_arrows
 from skyarm.view.picture.viser_sink import STILL, Arrows, LineNodes, SolidNodes, VehicleNodes, segments
 from skyarm.view.studio.fleet import Flight, FlownAgent
 from skyarm.view.studio.sights import PlottedInstant
-from skyarm.world.scene.scene import OBSTACLES, Arrow, Scene, hidden_share
+from skyarm.world.scene.scene import OBSTACLES, Scene, hidden_share
 from skyarm.world.scene.shapes import Solid, floats
 from skyarm.world.scene.vehicle_shapes import Placed, disc_name, payload_shape, rotor_turns
 
@@ -96,7 +96,7 @@ class AgentNodes:
         self._world.place([*solids, *more])
         self._lines.place(scene.lines)
         if self._touches is not None:
-            self._touches.point(touch_arrows(scene.arrows))
+            self._touches.point(touch_arrows(scene.arrows, 0, NEWTON))
 
     def draw(self, agent: FlownAgent, state: State, scene: Scene, *, slow: bool) -> Array:
         """Draw a vehicle in a state with its surroundings; returns the position (m) of its base."""
@@ -144,11 +144,6 @@ def force_arrows(
     above = p + np.array([0.0, 0.0, 0.22])
     ends += [(above - NEWTON * last.air, above), (p - NEWTON * last.pushed, p)]
     return np.array(ends)
-
-
-def touch_arrows(arrows: Sequence[Arrow]) -> Array:
-    """Start and end points (m) of contact force arrows, (N, 2, 3)."""
-    return np.array([(each.spot[0], each.spot[0] + NEWTON * each.force[0]) for each in arrows]).reshape(-1, 2, 3)
 
 
 def trail(tips: Sequence[Array]) -> npt.NDArray[np.float32]:
