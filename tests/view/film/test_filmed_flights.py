@@ -14,7 +14,6 @@ from skyarm.view.film.camera_paths import CAMERAS
 from skyarm.view.film.captions import frame_layout
 from skyarm.view.film.filmed_flight import film_flights, flight_labels
 from skyarm.view.film.make_film import Camera, FilmSettings, film_panels, frame_times, size_of
-from skyarm.view.picture.camera import FIELD_OF_VIEW
 from skyarm.view.picture.marks import (
     GHOST,
     TRAIL,
@@ -25,6 +24,7 @@ from skyarm.view.picture.marks import (
     wind_arrow,
     wind_words,
 )
+from skyarm.view.picture.mujoco_sink import FIELD_OF_VIEW
 from support.pictures import SECONDS, flight
 
 
@@ -207,7 +207,8 @@ def test_a_film_that_begins_later_has_no_more_lines_in_its_trail() -> None:
     (filmed,) = film_flights([flight()], np.zeros(1))
     moving = np.arange(2000)[:, None] * np.array([0.02, 0.0, 0.0])
     shown = dataclasses.replace(filmed, tip=moving, desired_tip=moving[:1], force=0 * moving, air=0 * moving)
-    early, late = (marks_of([shown], first + np.arange(2000) / 250.0, 0.2, 1.0)(1990) for first in (0.0, 20.0))
+    times = (first + np.arange(2000) / 250.0 for first in (0.0, 20.0))
+    early, late = (marks_of([dataclasses.replace(shown, times=each)], 0.2, 1.0)(1990) for each in times)
     assert len(early) == len(late) < 100
 
 
@@ -224,7 +225,7 @@ def test_the_trail_goes_back_some_seconds_and_the_arrow_blows_with_the_wind() ->
     (filmed,) = film_flights([flight()], times)
     moving = np.stack([0.1 * times, 0 * times, 0 * times], axis=1)
     filmed = dataclasses.replace(filmed, tip=moving, desired_tip=np.zeros((200, 3)))
-    marks = marks_of([filmed], times, 0.2, 1.0)(150)
+    marks = marks_of([filmed], 0.2, 1.0)(150)
     trail = [mark for mark in marks if mark.kind == "line"]
     assert trail[0].start[0] == pytest.approx(0.1 * (15.0 - TRAIL), abs=0.02)
     np.testing.assert_array_equal(trail[-1].end, moving[150])
@@ -234,7 +235,7 @@ def test_the_trail_goes_back_some_seconds_and_the_arrow_blows_with_the_wind() ->
     assert wind_words(filmed, 150) == "force 2.3 N, wind 2.0 m/s"  # 2 N, and the drag of 2 m/s at the rotors
     assert wind_words(dataclasses.replace(filmed, air=0 * filmed.air), 150) == "force 2.3 N"
     still = dataclasses.replace(filmed, force=0 * filmed.force, air=0 * filmed.air)
-    assert all(mark.kind == "line" for mark in marks_of([still], times, 0.2, 1.0)(150))
+    assert all(mark.kind == "line" for mark in marks_of([still], 0.2, 1.0)(150))
     assert wind_words(still, 150) == ""
 
 

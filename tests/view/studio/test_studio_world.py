@@ -176,11 +176,10 @@ def test_rotors_that_tilt_are_turned_with_their_thrusts() -> None:
     angles = np.linspace(-0.5, 0.7, len(vehicle.tilts))
     turns = rotor_turns(vehicle, angles[None])
     placed = place(vehicle, (0.0, 0.0, 1.0), (1.0, 0.0, 0.0, 0.0), [0.0] * vehicle.n)
-    turned = {name: turn[0] for name, turn in turns.items()}
-    nodes.place(placed.rotations, placed.positions, turned)
+    nodes.place(placed.poses, turns)
     speeds = np.full(len(vehicle.rotors), 100.0)
     seen: Any = SimpleNamespace(air=np.zeros(3), pushed=np.zeros(3))
-    ends = force_arrows(vehicle, seen, placed, speeds, turned)
+    ends = force_arrows(vehicle, seen, placed, speeds, turns)
     for i, (rotor, after) in enumerate(zip(vehicle.rotors, turn_rotors(vehicle, tuple(angles)).rotors, strict=True)):
         node, axis = scene.nodes[f"/law1/-1/rotor/{rotor.name}"], [float(c) for c in after.axis]
         R = np.array([[float(c) for c in row] for row in Quaternion(*node.wxyz).normalized().rotation().rows])

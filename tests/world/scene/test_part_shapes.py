@@ -87,7 +87,7 @@ def test_a_rope_and_a_cord_are_in_a_film_where_vehicle_and_load_are() -> None:
     np.testing.assert_allclose(cord.places[held, 0], log.tip[held], atol=1e-9)
     np.testing.assert_allclose(cord.places[held, 1], log.payload_position[held], atol=1e-9)
     assert {"peg", "peg_2", "payload"} <= {solid.shape.name for solid in vehicle_solids(flight)}
-    marks = [each for each in marks_of([flight], log.time, 0.2, 1.0)(5) if np.allclose(each.start, ANCHOR)]
+    marks = [each for each in marks_of([flight], 0.2, 1.0)(5) if np.allclose(each.start, ANCHOR)]
     np.testing.assert_allclose(marks[0].end, log.position[5], atol=1e-9)
 
 

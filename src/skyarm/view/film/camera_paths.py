@@ -11,8 +11,8 @@ import numpy as np
 from numpy.linalg import norm
 
 from skyarm.records.arrays import Array, doubles, lengths
-from skyarm.view.picture.camera import FIELD_OF_VIEW, CameraPath
 from skyarm.view.picture.frames import FlightFrames, Flights, by_flight
+from skyarm.view.picture.mujoco_sink import FIELD_OF_VIEW, CameraPath
 from skyarm.world.scene.scene import hidden_share
 from skyarm.world.scene.vehicle_shapes import longest_boom
 

@@ -19,7 +19,6 @@ from skyarm.simulate.loop_state import LoopState
 from skyarm.view.film.camera_paths import CAMERAS, free_azimuth
 from skyarm.view.film.captions import DESIGNED
 from skyarm.view.film.make_film import FilmSettings
-from skyarm.view.picture.camera import CameraPath
 from skyarm.view.picture.frames import FlightFrames, frames_now
 from skyarm.view.picture.marks import (
     THICK,
@@ -31,7 +30,7 @@ from skyarm.view.picture.marks import (
     vehicle_solids,
     wind_arrow,
 )
-from skyarm.view.picture.mujoco_sink import FramePanel, Stage, open_stage
+from skyarm.view.picture.mujoco_sink import CameraPath, FramePanel, Stage, open_stage
 from skyarm.world.scene.vehicle_shapes import longest_boom
 
 OPTIONS = {"width": 480, "height": 480, "camera": "follow", "ghost": True, "fine": False}

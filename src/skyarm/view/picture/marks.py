@@ -70,8 +70,9 @@ class Stroke:
     rgba: RGBA
 
 
-def trail(flight: FlightFrames, times: Array, k: int, width: float) -> list[Stroke]:
+def trail(flight: FlightFrames, k: int, width: float) -> list[Stroke]:
     """Make the fading trail of the tip's last seconds, as lines."""
+    times = flight.times
     first = int(np.searchsorted(times, times[k] - TRAIL))
     # every so many frames of the film, not of the trail, so that a line stays where it was drawn once
     every = max(1, int(np.searchsorted(times, times[0] + TRAIL)) // TRAIL_PIECES)
@@ -145,9 +146,7 @@ def _thin_out(places: Array) -> Array:
     return np.array(chosen)
 
 
-def marks_of(
-    flights: Sequence[FlightFrames], times: Array, reach: float, scale: float
-) -> Callable[[int], list[Stroke]]:
+def marks_of(flights: Sequence[FlightFrames], reach: float, scale: float) -> Callable[[int], list[Stroke]]:
     """Make a function that lists the lines and arrows of a film panel at a given frame."""
     still = desired_path(flights[0], THIN * scale)
     for flight in flights[1:]:
@@ -155,7 +154,7 @@ def marks_of(
             still += desired_path(flight, THIN * scale)
 
     def at(k: int) -> list[Stroke]:
-        moving = [mark for flight in flights for mark in trail(flight, times, k, THICK * scale)]
+        moving = [mark for flight in flights for mark in trail(flight, k, THICK * scale)]
         touching = [mark for flight in flights for mark in touch_marks(flight, k, reach)]
         drawn = [line for flight in flights for line in scene_lines(flight, k, THICK * scale)]
         blowing = [arrow for flight in flights for arrow in wind_arrow(flight, k, reach)]

@@ -16,10 +16,12 @@ import numpy as np
 from skyarm.plant.mujoco_model import KINDS
 from skyarm.records.arrays import Array, IntArray, Pixels
 from skyarm.records.immutable import positional
-from skyarm.view.picture.camera import FIELD_OF_VIEW, CameraPath
 from skyarm.view.picture.marks import Stroke
 from skyarm.view.picture.offscreen import offscreen
 from skyarm.world.scene.shapes import SURFACE, UPRIGHT, Shape, Solid, mesh_of, own_mesh
+
+FIELD_OF_VIEW = 40.0
+"""Field of view (deg), from the lower to the upper edge of a panel."""
 
 GEOMS = {
     **KINDS,
@@ -60,6 +62,20 @@ LAMP = np.array([-7.5, -6.0, 30.0])
 
 THIN = 2e-4
 """Half the thickness (m) of a plane's patch."""
+
+
+@positional
+class CameraPath:
+    """Target, distance and direction of a picture's camera in each of F frames.
+
+    Attributes:
+        look_at: (F, 3) m. distance: (F,) m. azimuth, elevation: (F,) deg, as MuJoCo's free camera has them.
+    """
+
+    look_at: Array
+    distance: Array
+    azimuth: Array
+    elevation: Array
 
 
 @positional

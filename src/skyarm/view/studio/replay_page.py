@@ -63,7 +63,7 @@ class ReplayPicture(StudioStage):
             nodes.show(predicted)
             if predicted:
                 placed = place(replay.vehicle, motion.position[k], motion.quaternion[k], motion.joints[k])
-                nodes.place(placed.rotations, placed.positions)
+                nodes.place(placed.poses)
         self._follow(replay.measured.position[replay.tick])
         if self._frame % SLOW == 0:
             for node, segments in zip(self._trails, replay.trails(TRAIL), strict=True):
