@@ -25,7 +25,8 @@ from skyarm.simulate.inputs import EpisodeInputs, table_of
 from skyarm.simulate.loop_state import LoopState
 from skyarm.simulate.stages import Stages
 from skyarm.vehicle import Vehicle
-from skyarm.world.scene.component_scenes import scene_now, scenes_of
+from skyarm.world.component import by_array
+from skyarm.world.scene.component_scenes import scene_in_log, scene_now, scenes_of
 from skyarm.world.scene.scene import PATCH, Instants, Scene, instant_of
 from skyarm.world.scene.vehicle_shapes import Placed, Poses, body_poses, place
 
@@ -136,7 +137,9 @@ def frames_now(
         around=np.mean(goal_tip if about is None else about, axis=0),
         patch=PATCH if about is None else patch_about(about),
     )
-    return replace(frames, scene=scene_now(around.components, around.memories, frames, motion))
+    # what the wind's sample holds is not evaluated again: of contacts it takes most of a picture's time
+    logged = by_array(scenario.components, wind.numbers)
+    return replace(frames, scene=scene_in_log(scenario.components, frames, lambda name: still(logged.get(name, ()))))
 
 
 def poses_of(vehicle: Vehicle, state: State) -> Placed:

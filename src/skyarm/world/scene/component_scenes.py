@@ -31,12 +31,12 @@ def scene_in_log(components: Sequence[Component[Tree]], seen: Instants, logged: 
 def scene_now(
     components: Sequence[Component[Tree]], memories: Sequence[Tree], seen: Instants, motion: PointMotion
 ) -> Scene:
-    """Drawn solids, lines and arrows of a running flight, with what its parts log at the current instant.
+    """Drawn solids, lines and arrows of a running flight at the current instant.
 
     Args:
         components: environment models of the scenario.
         memories: internal state of each.
-        seen: the instant, or several at which the vehicle would be in the same surroundings.
+        seen: the instant.
         motion: motion of the vehicle then.
     """
     parts = []
@@ -45,8 +45,7 @@ def scene_now(
             own: dict[str, list[float]] = {}
             for column, number in zip(part.columns, part.logged(memory, motion), strict=True):
                 own.setdefault(column[0], []).append(float(number))
-            numbers = {name: np.tile(row, (len(seen.times), 1)) for name, row in own.items()}
-            parts.append((part, replace(seen, numbers=numbers)))
+            parts.append((part, replace(seen, numbers={name: np.array([row]) for name, row in own.items()})))
     return _scene(parts)
 
 
