@@ -18,6 +18,7 @@ import numpy as np
 from skyarm.dynamics import State
 from skyarm.log.tip_positions import level_tip, tip, yaw_quaternion
 from skyarm.plant.loads import wind_at
+from skyarm.plant.surroundings import motions_of
 from skyarm.records.arrays import Array, float_array
 from skyarm.records.immutable import immutable
 from skyarm.scenario.scenario_record import Agent, Scenario
@@ -165,12 +166,16 @@ def scenes_at(scenario: Scenario, now: LoopState, time: float, around: Array, *,
         around: (3,) m, place about which planes are drawn.
         attached: as of :func:`skyarm.world.scene.component_scenes.scenes_of`.
     """
-    rows = dict(zip(scenario.agents, Stages(scenario).around(now, time), strict=True))
+    agents, names = scenario.agents.values(), tuple(scenario.agents)
+    motions = motions_of([each.plant for each in agents], [own.state for own in now.agents], names)
+    rows = {}
+    for name, agent, own, motion in zip(names, agents, now.agents, motions, strict=True):
+        motion.task_time = time
+        rows[name] = scenario.own_components(agent), own.components, motion
 
     def draw(name: str, shared: bool) -> Scene:
-        surroundings, motion = rows[name]
-        own = None if shared else len(scenario.own_components(scenario.agents[name]))
-        parts = surroundings.components[:own], surroundings.memories[:own]
-        return scene_now(*parts, instant_of(motion, time, around), motion)
+        models, memories, motion = rows[name]
+        every = (*models, *scenario.shared_components), (*memories, *now.components)
+        return scene_now(*(every if shared else (models, memories)), instant_of(motion, time, around), motion)
 
-    return [*scenes_of(rows, draw, attached=attached)]
+    return [*scenes_of(names, draw, attached=attached)]
