@@ -15,7 +15,7 @@ import skyarm
 from skyarm.envs import single_environment
 from skyarm.envs.named_tasks import make_single
 from skyarm.envs.single_environment import Environment
-from skyarm.view.film import offscreen
+from skyarm.view.picture import offscreen
 from support.pictures import needs_display
 
 SMALL = {"width": 96, "height": 64}

@@ -13,7 +13,7 @@ import pytest
 import yaml
 
 from lowest import project
-from skyarm.view.film.offscreen import NEEDS
+from skyarm.view.picture.offscreen import NEEDS
 from support.cases import sampled
 
 ROOT = Path(__file__).resolve().parents[2]

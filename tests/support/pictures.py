@@ -8,7 +8,7 @@ import pytest
 
 import skyarm
 from skyarm.log.flight_log import Log
-from skyarm.view.film.offscreen import NoDisplayError, offscreen
+from skyarm.view.picture.offscreen import NoDisplayError, offscreen
 
 SECONDS = 1.0
 

@@ -44,6 +44,7 @@ SENTENCES = {
     "studies.stability": "margins of the linearised loop",
     "studies.sweep": "one scenario, many values",
     "view.studio": "the live page",
+    "view.picture": "one picture of a flight, two renderers",
     "studies.flights": "many flights: kept, resumed, on Ray",
     "simulate": "the closed loop, period by period",
     "scenario": "one experiment and its file",

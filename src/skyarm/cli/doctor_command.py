@@ -44,7 +44,7 @@ print(version) if int(version.split(".")[0]) >= 4 else sys.exit(f"{version}, nee
 """
 
 OPENGL = """
-from skyarm.view.film.offscreen import offscreen
+from skyarm.view.picture.offscreen import offscreen
 with offscreen():
     print('a context without a screen')
 """

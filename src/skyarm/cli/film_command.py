@@ -107,7 +107,7 @@ def _require_renderer(*, recorded: bool) -> None:
     if recorded:
         import_viser()
     else:
-        from skyarm.view.film.offscreen import offscreen
+        from skyarm.view.picture.offscreen import offscreen
 
         with offscreen():
             pass

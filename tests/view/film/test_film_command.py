@@ -17,8 +17,9 @@ from PIL import Image
 import skyarm
 from skyarm.cli.commands import perform
 from skyarm.studies.compare.suite import PAPER_CASES
-from skyarm.view.film import offscreen, recording, video_files
+from skyarm.view.film import recording, video_files
 from skyarm.view.film.make_film import FilmSettings, make_film
+from skyarm.view.picture import offscreen
 from support.pictures import flight, needs_display, why_no_pictures
 
 SMALL = ("--size", "160x120", "--fps", "10")
@@ -113,7 +114,7 @@ def test_without_a_driver_the_package_is_named(tmp_path: Path) -> None:
         pytest.skip(why_no_pictures())
     (tmp_path / "none").mkdir()
     code = (
-        "from skyarm.view.film.offscreen import offscreen, NoDisplayError\n"
+        "from skyarm.view.picture.offscreen import offscreen, NoDisplayError\n"
         "try:\n    offscreen().__enter__()\nexcept NoDisplayError as error:\n    print(error)"
     )
     hidden = {**os.environ, "__EGL_VENDOR_LIBRARY_DIRS": str(tmp_path / "none")}

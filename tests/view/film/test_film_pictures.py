@@ -9,10 +9,11 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from skyarm.view.film.camera_paths import CAMERAS, FIELD_OF_VIEW, CameraPath
-from skyarm.view.film.filmed_flight import FilmedFlight, film_flights, ghost_solids, vehicle_solids
+from skyarm.view.film.camera_paths import CAMERAS
+from skyarm.view.film.filmed_flight import FilmedFlight, film_flights
 from skyarm.view.film.make_film import FilmSettings, film_frames, make_film
-from skyarm.view.film.stage import FramePanel, open_stage
+from skyarm.view.picture.marks import ghost_solids, vehicle_solids
+from skyarm.view.picture.mujoco_sink import FIELD_OF_VIEW, CameraPath, FramePanel, open_stage
 from skyarm.world.scene.shapes import Shape, Solid
 from support.pictures import flight, needs_display
 

@@ -10,24 +10,21 @@ import pytest
 
 from skyarm import run, scenario_from
 from skyarm.log.tip_positions import level_tip
-from skyarm.view.film.camera_paths import CAMERAS, FIELD_OF_VIEW
+from skyarm.view.film.camera_paths import CAMERAS
 from skyarm.view.film.captions import frame_layout
-from skyarm.view.film.filmed_flight import (
-    COLORS,
+from skyarm.view.film.filmed_flight import film_flights, flight_labels
+from skyarm.view.film.make_film import Camera, FilmSettings, film_panels, frame_times, size_of
+from skyarm.view.picture.marks import (
     GHOST,
-    GHOST_OPACITY,
     TRAIL,
     desired_path,
-    film_flight,
-    film_flights,
-    flight_labels,
     ghost_solids,
     marks_of,
     vehicle_solids,
     wind_arrow,
     wind_words,
 )
-from skyarm.view.film.make_film import Camera, FilmSettings, film_panels, frame_times, size_of
+from skyarm.view.picture.mujoco_sink import FIELD_OF_VIEW
 from support.pictures import SECONDS, flight
 
 
@@ -43,11 +40,11 @@ def test_frames_are_the_instants_that_speed_and_rate_say() -> None:
 
 def test_a_log_is_read_at_its_own_instants_as_it_is_and_between_them_linearly() -> None:
     log = flight()
-    filmed = film_flight(log, "a", COLORS[0], log.time)
+    filmed = film_flights([log], log.time)[0]
     for mine, theirs in ((filmed.position, log.position), (filmed.joints, log.joints), (filmed.tip, log.tip)):
         np.testing.assert_array_equal(mine, theirs)
     np.testing.assert_allclose(filmed.error, np.linalg.norm(log.tip - log.tip_reference, axis=1))
-    between = film_flight(log, "a", COLORS[0], 0.5 * (log.time[1:] + log.time[:-1]))
+    between = film_flights([log], 0.5 * (log.time[1:] + log.time[:-1]))[0]
     np.testing.assert_allclose(between.position, 0.5 * (log.position[1:] + log.position[:-1]), atol=1e-12)
 
 
@@ -56,7 +53,7 @@ def test_an_attitude_that_changes_its_sign_is_read_without_a_jump() -> None:
     sign = np.where(np.arange(log.time.size) % 2, -1.0, 1.0)
     flipped = dataclasses.replace(log, quaternion=log.quaternion * sign[:, None])
     times = 0.5 * (log.time[1:] + log.time[:-1])
-    a, b = (film_flight(each, "a", COLORS[0], times).quaternion for each in (log, flipped))
+    a, b = (film_flights([each], times)[0].quaternion for each in (log, flipped))
     np.testing.assert_array_equal(a, b)
     # halfway between two attitudes 5 ms apart, not through zero
     assert np.linalg.norm(b, axis=1).min() > 0.999
@@ -64,14 +61,14 @@ def test_an_attitude_that_changes_its_sign_is_read_without_a_jump() -> None:
 
 def test_the_ghost_s_tip_is_the_tip_s_reference_and_the_vehicle_s_tip_is_the_tip() -> None:
     log = flight("centroidal_tip")
-    filmed = film_flight(log, "a", COLORS[0], log.time)
+    filmed = film_flights([log], log.time)[0]
     for solids, tip in ((ghost_solids(filmed), log.tip_reference), (vehicle_solids(filmed), log.tip)):
         (ball,) = (solid for solid in solids if solid.shape.role == "tip")
         # the log computes it by frame_pose_world, the film by the poses of links
         np.testing.assert_allclose(ball.position, tip, atol=1e-12)
     # grey and see-through, whatever the flight's colour is
-    assert {solid.rgba for solid in ghost_solids(filmed)} == {(*GHOST, GHOST_OPACITY)}
-    assert GHOST_OPACITY < 0.5
+    assert {solid.rgba for solid in ghost_solids(filmed)} == {GHOST}
+    assert GHOST[3] < 0.5
 
 
 def test_the_ghost_turns_with_the_desired_yaw() -> None:
@@ -86,7 +83,7 @@ def test_the_ghost_turns_with_the_desired_yaw() -> None:
         joints_reference=log.joints_reference + 0.4,
     )
     for times in (log.time, 0.5 * (log.time[1:] + log.time[:-1])):
-        filmed = film_flight(turned, "a", COLORS[0], times)
+        filmed = film_flights([turned], times)[0]
         (ball,) = (solid for solid in ghost_solids(filmed) if solid.shape.role == "tip")
         # between two instants an arc is read as its chord
         np.testing.assert_allclose(ball.position, filmed.desired_tip, atol=1e-5)
@@ -96,15 +93,15 @@ def test_a_lost_flight_stays_where_it_was_lost() -> None:
     log = flight()
     lost = dataclasses.replace(log, info={**log.info, "status": "joint_limit"})
     times = np.array([0.0, 0.5, 5.0])
-    filmed = film_flight(lost, "a", COLORS[0], times)
+    filmed = film_flights([lost], times)[0]
     assert (filmed.lost, filmed.end) == ("joint limit", log.time[-1])
     np.testing.assert_array_equal(filmed.position[2], log.position[-1])
-    assert film_flight(log, "a", COLORS[0], times).lost == ""
+    assert film_flights([log], times)[0].lost == ""
 
 
 def test_a_whole_flight_ends_after_its_last_period_and_after_every_frame_of_its_own() -> None:
     log = flight()
-    whole = film_flight(log, "a", COLORS[0], log.time)
+    whole = film_flights([log], log.time)[0]
     assert whole.end == pytest.approx(SECONDS)
     for fps in (1, 7, 30, 120):
         assert frame_times([log], FilmSettings(fps=fps))[-1] < whole.end
@@ -210,7 +207,8 @@ def test_a_film_that_begins_later_has_no_more_lines_in_its_trail() -> None:
     (filmed,) = film_flights([flight()], np.zeros(1))
     moving = np.arange(2000)[:, None] * np.array([0.02, 0.0, 0.0])
     shown = dataclasses.replace(filmed, tip=moving, desired_tip=moving[:1], force=0 * moving, air=0 * moving)
-    early, late = (marks_of([shown], first + np.arange(2000) / 250.0, 0.2, 1.0)(1990) for first in (0.0, 20.0))
+    times = (first + np.arange(2000) / 250.0 for first in (0.0, 20.0))
+    early, late = (marks_of([dataclasses.replace(shown, times=each)], 0.2, 1.0)(1990) for each in times)
     assert len(early) == len(late) < 100
 
 
@@ -227,7 +225,7 @@ def test_the_trail_goes_back_some_seconds_and_the_arrow_blows_with_the_wind() ->
     (filmed,) = film_flights([flight()], times)
     moving = np.stack([0.1 * times, 0 * times, 0 * times], axis=1)
     filmed = dataclasses.replace(filmed, tip=moving, desired_tip=np.zeros((200, 3)))
-    marks = marks_of([filmed], times, 0.2, 1.0)(150)
+    marks = marks_of([filmed], 0.2, 1.0)(150)
     trail = [mark for mark in marks if mark.kind == "line"]
     assert trail[0].start[0] == pytest.approx(0.1 * (15.0 - TRAIL), abs=0.02)
     np.testing.assert_array_equal(trail[-1].end, moving[150])
@@ -237,7 +235,7 @@ def test_the_trail_goes_back_some_seconds_and_the_arrow_blows_with_the_wind() ->
     assert wind_words(filmed, 150) == "force 2.3 N, wind 2.0 m/s"  # 2 N, and the drag of 2 m/s at the rotors
     assert wind_words(dataclasses.replace(filmed, air=0 * filmed.air), 150) == "force 2.3 N"
     still = dataclasses.replace(filmed, force=0 * filmed.force, air=0 * filmed.air)
-    assert all(mark.kind == "line" for mark in marks_of([still], times, 0.2, 1.0)(150))
+    assert all(mark.kind == "line" for mark in marks_of([still], 0.2, 1.0)(150))
     assert wind_words(still, 150) == ""
 
 
@@ -282,7 +280,7 @@ def test_a_payload_is_drawn_where_it_is_taken_held_and_left() -> None:
     document = {"name": "w", "duration": 2.4, "plant": {"vehicle": "hummingbird_arm2_rotors"}}
     document |= {"controller": {"preset": "paper_ct"}, "reference": {"tip": tip}}
     log = run(scenario_from(document | {"payloads": [{"name": "box", "mass": 0.02, "com": [0.0, 0.0, -0.04]}]}))
-    filmed = film_flight(log, "a", COLORS[0], log.time)
+    filmed = film_flights([log], log.time)[0]
     (ball,) = [solid for solid in vehicle_solids(filmed) if solid.shape.role == "payload"]
     # it is drawn about its own middle, in the axes of the frame that holds it
     box = dataclasses.replace(ball, position=ball.position + 0.04 * ball.rotation[:, :, 2])
@@ -294,5 +292,5 @@ def test_a_payload_is_drawn_where_it_is_taken_held_and_left() -> None:
     np.testing.assert_allclose(box.position[held[-1] + 1 :], np.tile(log.tip[held[-1]], (left, 1)), atol=1e-9)
     assert np.linalg.norm(log.tip[-1] - box.position[-1]) > 0.1
     # no frame shows it held: nothing is drawn
-    early = film_flight(log, "a", COLORS[0], log.time[: held[0]])
+    early = film_flights([log], log.time[: held[0]])[0]
     assert not [solid for solid in vehicle_solids(early) if solid.shape.role == "payload"]

@@ -14,10 +14,12 @@ import skyarm
 from skyarm.algebra import Vec3
 from skyarm.log.flight_log import Log
 from skyarm.records.arrays import Array
-from skyarm.view.film.camera_paths import CAMERAS, FIELD_OF_VIEW, looking_towards
+from skyarm.view.film.camera_paths import CAMERAS, looking_towards
 from skyarm.view.film.captions import frame_layout, state_words
-from skyarm.view.film.filmed_flight import FilmedFlight, film_flights, marks_of, vehicle_solids
+from skyarm.view.film.filmed_flight import FilmedFlight, film_flights
 from skyarm.view.film.make_film import FilmSettings, film_frames, film_panels
+from skyarm.view.picture.marks import marks_of, vehicle_solids
+from skyarm.view.picture.mujoco_sink import FIELD_OF_VIEW
 from skyarm.world.contact.contact import Contact
 from skyarm.world.contact.contact_point import ContactPoint
 from skyarm.world.contact.grasp import Grasp
@@ -78,7 +80,7 @@ def test_grasps_are_marked_on_the_body_and_pull_at_their_vehicles(name: str) -> 
             cable = first.scene.lines[i].places
             np.testing.assert_allclose(cable[:, 0], arrow.spot, atol=1e-9)
             np.testing.assert_allclose(cable[:, -1], place, atol=1e-9)
-    drawn = marks_of([first, *others], TIMES, 0.1, 1.0)(2)
+    drawn = marks_of([first, *others], 0.1, 1.0)(2)
     assert sum(each.kind == "arrow" for each in drawn) == len(grasps)
 
 

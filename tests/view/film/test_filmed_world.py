@@ -15,17 +15,9 @@ from skyarm.view.figures.flight_plot import plot
 from skyarm.view.film import camera_paths
 from skyarm.view.film.camera_paths import AZIMUTH, ELEVATION, free_azimuth, looking_towards
 from skyarm.view.film.captions import frame_layout, state_words
-from skyarm.view.film.filmed_flight import (
-    COLORS,
-    LONGEST_TOUCH,
-    TOUCH,
-    TOUCH_PER_NEWTON,
-    FilmedFlight,
-    film_flight,
-    touch_marks,
-    vehicle_solids,
-)
+from skyarm.view.film.filmed_flight import FilmedFlight, film_flights
 from skyarm.view.film.make_film import FilmSettings, film_frames, film_panels
+from skyarm.view.picture.marks import LONGEST_TOUCH, TOUCH, TOUCH_PER_NEWTON, touch_marks, vehicle_solids
 from skyarm.world.scene.scene import Scene
 from skyarm.world.scene.shapes import OBJECT, SURFACE, Solid
 from support.pictures import flight, needs_display
@@ -38,7 +30,7 @@ PAIR = 2
 
 @cache
 def filmed() -> FilmedFlight:
-    return film_flight(touching(), "a", COLORS[0], TIMES)
+    return film_flights([touching()], TIMES)[0]
 
 
 def test_surfaces_and_objects_of_a_film_are_where_scenario_and_log_have_them() -> None:
@@ -78,7 +70,7 @@ def test_arrows_of_a_film_stand_on_the_tip_along_the_true_normal() -> None:
     (mark,) = touch_marks(strong, int(np.argmax(size)), 0.2)
     np.testing.assert_allclose(mark.end - mark.start, LONGEST_TOUCH * normal, atol=1e-9)
     # after its end a flight pushes nothing
-    (late,) = film_flight(log, "a", COLORS[0], np.array([log.time[-1], log.time[-1] + 1.0])).scene.arrows
+    (late,) = film_flights([log], np.array([log.time[-1], log.time[-1] + 1.0]))[0].scene.arrows
     assert log.contact_force[-1, PAIR] > 0.0
     np.testing.assert_allclose(np.linalg.norm(late.force, axis=1), [log.contact_force[-1, PAIR], 0.0], atol=1e-12)
     # the panel's marks hold them, too
@@ -101,12 +93,12 @@ def test_a_film_of_a_push_shows_force_and_the_error_across_the_believed_normal()
     words = state_words(filmed(), float(TIMES[k]), k)
     assert words.startswith(f"contact {log.contact_force[-1].sum():.1f} N, tip error ")
     assert state_words(filmed(), 0.0, 0).startswith("tip error ")
-    free = film_flight(flight(), "a", COLORS[0], TIMES[:3])
+    free = film_flights([flight()], TIMES[:3])[0]
     assert (free.contact, free.contact_curve, free.wanted_curve, free.scene) == (None, None, None, Scene())
 
 
 def test_a_camera_stands_where_no_surface_hides_the_tip() -> None:
-    assert free_azimuth([film_flight(flight(), "a", COLORS[0], TIMES[:3])]) == AZIMUTH
+    assert free_azimuth([film_flights([flight()], TIMES[:3])[0]]) == AZIMUTH
     azimuth = free_azimuth([filmed()])
     assert azimuth != AZIMUTH, "the wall is ahead, and so is the usual camera"
     (wall,) = (each for each in touching().scenario.worlds[0].surfaces if each.name == "wall")
@@ -145,7 +137,7 @@ def _moved(solid: Solid, away: float) -> Solid:
 
 def _last(shown: FilmedFlight) -> FilmedFlight:
     """A flight of one frame, its last, seen with the world as it is then."""
-    return film_flight(touching(), shown.label, shown.color, TIMES[-1:])
+    return film_flights([touching()], TIMES[-1:])[0]
 
 
 def test_a_recording_has_the_world_and_shows_a_force_while_it_acts() -> None:

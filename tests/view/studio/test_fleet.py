@@ -14,6 +14,7 @@ from skyarm.records.files import read_toml
 from skyarm.records.path_names import agent_of
 from skyarm.scenario.payload_tables import scheduled_changes
 from skyarm.scenario.scenario_file import LIBRARY, list_scenarios
+from skyarm.view.picture.frames import scenes_at
 from skyarm.view.studio.clock import Clock
 from skyarm.view.studio.fleet import (
     LONGEST,
@@ -23,7 +24,6 @@ from skyarm.view.studio.fleet import (
     pushes_of,
 )
 from skyarm.view.studio.knobs import knobs_of
-from skyarm.view.studio.sights import scenes_at
 from skyarm.world import TimedPayload
 from skyarm.world.scene.scene import Scene
 from support.cases import sampled, toml_text

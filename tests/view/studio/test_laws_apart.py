@@ -12,9 +12,10 @@ import pytest
 
 import skyarm
 from skyarm.simulate.first_state import first_state
+from skyarm.view.picture.marks import tones_of
 from skyarm.view.studio import picture
 from skyarm.view.studio.controls import Chart, add_clock
-from skyarm.view.studio.picture import COLORS, LOST, AgentNodes, FleetPicture, StudioStage, tones_of
+from skyarm.view.studio.picture import COLORS, LOST, AgentNodes, FleetPicture, StudioStage
 from skyarm.world.scene.scene import Scene
 from support.peers import Scene as Nodes
 

@@ -10,8 +10,8 @@ import pytest
 import skyarm
 from skyarm.algebra import Vec3
 from skyarm.vehicle.linkage import BASE
-from skyarm.view.studio.picture import tones_of
-from skyarm.view.studio.scene_nodes import STILL, LineNodes, SolidNodes, VehicleNodes
+from skyarm.view.picture.marks import tones_of
+from skyarm.view.picture.viser_sink import STILL, LineNodes, SolidNodes, VehicleNodes
 from skyarm.world.hanging_payload import HangingPayload
 from skyarm.world.scene.component_scenes import scene_in_log
 from skyarm.world.scene.scene import Instants
@@ -30,7 +30,7 @@ def test_nodes_are_where_the_bodies_are_however_slowly_they_move(step: float) ->
     count = 50
     for k in range(count):
         placed = place(vehicle, (k * step, 0.0, 1.0), (1.0, 0.0, 0.0, 0.0), (0.3 + k * step, -0.2))
-        nodes.place(placed.rotations, placed.positions)
+        nodes.place(placed.poses)
         assert scene.nodes["/law1"].position == pytest.approx(placed.positions[0], abs=STILL)
         w, x, y, z = scene.nodes["/law1/0"].wxyz
         angle = 2.0 * np.arctan2(np.linalg.norm([x, y, z]), abs(w))
@@ -47,9 +47,9 @@ def test_a_vehicle_that_stands_still_sends_nothing() -> None:
     vehicle, scene = skyarm.load_vehicle("hummingbird_arm2"), Scene()
     placed = place(vehicle, (0.0, 0.0, 1.0), (1.0, 0.0, 0.0, 0.0), (0.3, -0.2))
     nodes = VehicleNodes(scene, "/law1", vehicle, PAINT)
-    nodes.place(placed.rotations, placed.positions)
+    nodes.place(placed.poses)
     before = {name: getattr(node, "writes", 0) for name, node in scene.nodes.items()}
-    nodes.place(placed.rotations, placed.positions)
+    nodes.place(placed.poses)
     assert {name: getattr(node, "writes", 0) for name, node in scene.nodes.items()} == before
 
 

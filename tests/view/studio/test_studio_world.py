@@ -19,10 +19,11 @@ from skyarm.simulate.first_state import first_loop_state
 from skyarm.simulate.session import Session
 from skyarm.simulate.stages import Stages
 from skyarm.vehicle.vehicle_files import load_vehicle
+from skyarm.view.picture.marks import tones_of, touch_arrows
+from skyarm.view.picture.viser_sink import Arrows, SolidNodes, VehicleNodes
 from skyarm.view.studio.controls import charts
 from skyarm.view.studio.fleet import Flight, FlownAgent
-from skyarm.view.studio.picture import NEWTON, VIEWS, FleetPicture, force_arrows, tones_of, touch_arrows
-from skyarm.view.studio.scene_nodes import Arrows, SolidNodes, VehicleNodes
+from skyarm.view.studio.picture import NEWTON, VIEWS, FleetPicture, force_arrows
 from skyarm.view.studio.sights import PlottedInstant, contact_forces, sights
 from skyarm.world.scene.component_scenes import scene_now
 from skyarm.world.scene.scene import Scene, instant_of
@@ -92,7 +93,7 @@ def test_nodes_of_the_world_go_where_it_goes_and_what_stands_still_is_sent_once(
 def test_arrows_of_contact_are_shown_while_something_pushes() -> None:
     nodes, forces = Nodes(), scene_at(0.0, session()).arrows
     arrows = Arrows(nodes, "/touches1", [(1, 2, 3)] * len(forces), 0.01, np.zeros((2, 3)))
-    node, ends = nodes.nodes["/touches1"], touch_arrows(forces)
+    node, ends = nodes.nodes["/touches1"], touch_arrows(forces, 0, NEWTON)
     arrows.point(0.0 * ends)
     assert not getattr(node, "visible", False)
     arrows.point(ends)
@@ -175,11 +176,10 @@ def test_rotors_that_tilt_are_turned_with_their_thrusts() -> None:
     angles = np.linspace(-0.5, 0.7, len(vehicle.tilts))
     turns = rotor_turns(vehicle, angles[None])
     placed = place(vehicle, (0.0, 0.0, 1.0), (1.0, 0.0, 0.0, 0.0), [0.0] * vehicle.n)
-    turned = {name: turn[0] for name, turn in turns.items()}
-    nodes.place(placed.rotations, placed.positions, turned)
+    nodes.place(placed.poses, turns)
     speeds = np.full(len(vehicle.rotors), 100.0)
     seen: Any = SimpleNamespace(air=np.zeros(3), pushed=np.zeros(3))
-    ends = force_arrows(vehicle, seen, placed, speeds, turned)
+    ends = force_arrows(vehicle, seen, placed, speeds, turns)
     for i, (rotor, after) in enumerate(zip(vehicle.rotors, turn_rotors(vehicle, tuple(angles)).rotors, strict=True)):
         node, axis = scene.nodes[f"/law1/-1/rotor/{rotor.name}"], [float(c) for c in after.axis]
         R = np.array([[float(c) for c in row] for row in Quaternion(*node.wxyz).normalized().rotation().rows])

@@ -289,9 +289,10 @@ def test_steps_shorter_than_the_clock_are_said(press):
 
 
 def test_a_film_shows_what_may_be_touched(pressed):
-    from skyarm.view.film.filmed_flight import COLORS, film_flight, vehicle_solids
+    from skyarm.view.film.filmed_flight import film_flights
+    from skyarm.view.picture.marks import vehicle_solids
 
-    solids = vehicle_solids(film_flight(pressed, "a", COLORS[0], pressed.time[::40]))
+    solids = vehicle_solids(film_flights([pressed], pressed.time[::40])[0])
     (wall,) = (solid for solid in solids if solid.shape.role == "surface")
     assert (wall.shape.kind, wall.shape.size) == ("box", (0.05, 1.0, 0.45))
     assert np.array_equal(wall.position, np.tile([0.263, 0.0, 0.45], (3, 1)))

@@ -16,7 +16,8 @@ import skyarm
 from skyarm.algebra import Vec3
 from skyarm.vehicle.vehicle_records import Vehicle
 from skyarm.view.figures.flight_plot import path_figure
-from skyarm.view.film.filmed_flight import COLORS, film_flight, marks_of, vehicle_solids
+from skyarm.view.film.filmed_flight import film_flights
+from skyarm.view.picture.marks import marks_of, vehicle_solids
 from skyarm.view.studio.fleet import Flight
 from skyarm.view.studio.picture import FleetPicture
 from skyarm.world import ForceWind, Gust
@@ -78,7 +79,7 @@ def test_a_rope_is_in_the_path_picture() -> None:
 
 def test_a_rope_and_a_cord_are_in_a_film_where_vehicle_and_load_are() -> None:
     log = flown()
-    flight = film_flight(log, "a", COLORS[0], log.time)
+    flight = film_flights([log], log.time)[0]
     rope, _second, cord = flight.scene.lines
     np.testing.assert_allclose(rope.places[:, 1], log.position, atol=1e-9)
     held = np.isfinite(cord.places[:, 0, 0])
@@ -86,7 +87,7 @@ def test_a_rope_and_a_cord_are_in_a_film_where_vehicle_and_load_are() -> None:
     np.testing.assert_allclose(cord.places[held, 0], log.tip[held], atol=1e-9)
     np.testing.assert_allclose(cord.places[held, 1], log.payload_position[held], atol=1e-9)
     assert {"peg", "peg_2", "payload"} <= {solid.shape.name for solid in vehicle_solids(flight)}
-    marks = [each for each in marks_of([flight], log.time, 0.2, 1.0)(5) if np.allclose(each.start, ANCHOR)]
+    marks = [each for each in marks_of([flight], 0.2, 1.0)(5) if np.allclose(each.start, ANCHOR)]
     np.testing.assert_allclose(marks[0].end, log.position[5], atol=1e-9)
 
 

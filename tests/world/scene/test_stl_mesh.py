@@ -154,8 +154,7 @@ def test_a_record_without_a_mesh_is_written_as_before_and_a_lost_mesh_is_its_sha
 @pytest.mark.thorough
 def test_a_film_draws_a_mesh_where_the_same_box_would_be(file: Path) -> None:
     """A mesh beside the origin of its body, that is turned, against a box there: MuJoCo moves a mesh's vertices."""
-    from skyarm.view.film.camera_paths import CameraPath
-    from skyarm.view.film.stage import FramePanel, open_stage
+    from skyarm.view.picture.mujoco_sink import CameraPath, FramePanel, open_stage
 
     turn = np.array([[0.36, 0.48, -0.8], [-0.8, 0.6, 0.0], [0.48, 0.64, 0.6]])
     at = np.array([0.1, 0.2, 1.0])

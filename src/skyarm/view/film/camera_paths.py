@@ -11,8 +11,8 @@ import numpy as np
 from numpy.linalg import norm
 
 from skyarm.records.arrays import Array, doubles, lengths
-from skyarm.records.immutable import positional
-from skyarm.view.film.filmed_flight import FilmedFlight, Flights, by_flight
+from skyarm.view.picture.frames import FlightFrames, Flights, by_flight
+from skyarm.view.picture.mujoco_sink import FIELD_OF_VIEW, CameraPath
 from skyarm.world.scene.scene import hidden_share
 from skyarm.world.scene.vehicle_shapes import longest_boom
 
@@ -27,9 +27,6 @@ ACROSS = tuple(90.0 - side for side in SIDES)
 
 LOOKS = 24
 """Number of instants at which a view is evaluated."""
-
-FIELD_OF_VIEW = 40.0
-"""Field of view (deg), from the lower to the upper edge of a panel."""
 
 SMOOTH = 0.6
 """Time constant (s) with which a following camera turns."""
@@ -47,20 +44,6 @@ HEIGHT = 0.4
 
 LEAVES = 6.0
 """Distance from the desired position, in reaches of a vehicle, beyond which a following camera stops following it."""
-
-
-@positional
-class CameraPath:
-    """Target, distance and direction of a film's camera in each of F frames.
-
-    Attributes:
-        look_at: (F, 3) m. distance: (F,) m. azimuth, elevation: (F,) deg, as MuJoCo's free camera has them.
-    """
-
-    look_at: Array
-    distance: Array
-    azimuth: Array
-    elevation: Array
 
 
 def fixed_camera(flights: Flights, seconds: Array, aspect: float) -> CameraPath:
@@ -103,13 +86,13 @@ def _path(look_at: Array, distance: float, azimuth: float) -> CameraPath:
     return CameraPath(look_at, distance * ones, azimuth * ones, ELEVATION * ones)
 
 
-def vehicle_reach(flight: FilmedFlight) -> float:
+def vehicle_reach(flight: FlightFrames) -> float:
     """Radius (m) of a vehicle around its base: rotor booms with discs, or the arm, whichever is longer."""
     arm = float(np.max(lengths(flight.desired_tip - flight.desired_position)))
     return max(1.5 * longest_boom(flight.vehicle), arm)
 
 
-def _places_in_view(flight: FilmedFlight) -> list[Array]:
+def _places_in_view(flight: FlightFrames) -> list[Array]:
     """Positions (F, 3) that the camera keeps in view: actual and desired ones of base and tip, and bodies in grasps."""
     farthest = LEAVES * vehicle_reach(flight)
     pairs = (flight.position, flight.desired_position), (flight.tip, flight.desired_tip)
@@ -121,7 +104,7 @@ def _places_in_view(flight: FilmedFlight) -> list[Array]:
     ]
 
 
-def _corners_of_grasped(flight: FilmedFlight) -> Iterator[Array]:
+def _corners_of_grasped(flight: FlightFrames) -> Iterator[Array]:
     """Corners (F, 3) of the movable bodies of a flight with grasps."""
     solids = flight.scene.solids
     # marks of grasps are the only solids of their role
@@ -188,7 +171,7 @@ def free_azimuth(flights: Flights) -> float:
     return sides[int(np.argmin(np.subtract(hidden, apart)))]
 
 
-def _occlusion(flight: FilmedFlight, towards: Array) -> float:
+def _occlusion(flight: FlightFrames, towards: Array) -> float:
     """Share of a flight's time in which a surface or object hides the tip from a given direction (3,)."""
     chosen = np.unique(np.linspace(0, len(flight.tip) - 1, LOOKS).astype(int))
     obstacles = flight.scene.obstacles

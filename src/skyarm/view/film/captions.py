@@ -14,7 +14,8 @@ from skyarm.records.arrays import Array, Pixels
 from skyarm.records.immutable import positional
 from skyarm.view.figures.error_strip import Curve, Strip, error_strip
 from skyarm.view.figures.style import typeface
-from skyarm.view.film.filmed_flight import FilmedFlight, wind_words
+from skyarm.view.film.filmed_flight import FilmedFlight
+from skyarm.view.picture.marks import wind_words
 
 INK, PAPER = (28, 32, 40), (255, 255, 255)
 LOST = (190, 20, 30)

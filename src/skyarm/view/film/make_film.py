@@ -16,11 +16,13 @@ from skyarm.records.files import PathLike, shown
 from skyarm.records.immutable import immutable
 from skyarm.records.units import Unit, nonnegative, units
 from skyarm.view.figures.flight_facts import end_time
-from skyarm.view.film.camera_paths import CAMERAS, CameraPath
+from skyarm.view.film.camera_paths import CAMERAS
 from skyarm.view.film.captions import Captions, FrameLayout, frame_layout
-from skyarm.view.film.filmed_flight import Flights, by_flight, film_flights, ghost_solids, marks_of, vehicle_solids
-from skyarm.view.film.stage import FramePanel, open_stage
+from skyarm.view.film.filmed_flight import FilmedFlight, film_flights
 from skyarm.view.film.video_files import require_film_format
+from skyarm.view.picture.frames import Flights, by_flight
+from skyarm.view.picture.marks import ghost_solids, marks_of, vehicle_solids
+from skyarm.view.picture.mujoco_sink import CameraPath, FramePanel, open_stage
 from skyarm.world.scene.vehicle_shapes import longest_boom
 
 Progress = Callable[[int, int], None]
@@ -78,7 +80,7 @@ def frame_times(logs: Sequence[Log], settings: FilmSettings) -> Array:
 
 
 def film_frames(
-    flights: Flights, times: Array, settings: FilmSettings, progress: Progress | None = None
+    flights: Sequence[FilmedFlight], times: Array, settings: FilmSettings, progress: Progress | None = None
 ) -> Iterator[Pixels]:
     """Yield the rendered frames of a film as byte arrays (height, width, 3).
 
@@ -106,7 +108,7 @@ def film_panels(flights: Flights, times: Array, settings: FilmSettings, layout: 
         if settings.ghost:
             solids += [solid for flight in by_flight(inside)[0] for solid in ghost_solids(flight)]
         booms = max(longest_boom(flight.vehicle) for flight in inside)
-        marks = marks_of(inside, times, booms, layout.scale)
+        marks = marks_of(inside, booms, layout.scale)
         panels.append(
             FramePanel(box.left, box.top, box.width, box.height, path, solids, marks, inside[0].scene.ground or 0.0)
         )

@@ -18,25 +18,34 @@ from skyarm.log.flight_log import Log
 from skyarm.records.arrays import Array, norm
 from skyarm.records.files import PathLike, needs_extra, write_atomically
 from skyarm.records.immutable import positional
-from skyarm.view.film.camera_paths import CAMERAS, FIELD_OF_VIEW, free_azimuth, looking_towards, vehicle_reach
+from skyarm.view.film.camera_paths import CAMERAS, free_azimuth, looking_towards, vehicle_reach
 from skyarm.view.film.captions import state_words
-from skyarm.view.film.filmed_flight import (
+from skyarm.view.film.filmed_flight import FilmedFlight, film_flights
+from skyarm.view.film.make_film import FilmSettings, Progress, frame_times
+from skyarm.view.picture.frames import Flights, by_flight
+from skyarm.view.picture.marks import (
     LEAST_FORCE,
     LEAST_SPEED,
+    LONGEST_TOUCH,
     TOUCH,
+    TOUCH_PER_NEWTON,
     WIND,
-    FilmedFlight,
-    Flights,
-    by_flight,
-    film_flights,
-    role_color,
-    touch_marks,
+    paint_of,
+    touch_arrows,
     wind_words,
 )
-from skyarm.view.film.make_film import FilmSettings, Progress, frame_times
-from skyarm.view.studio.scene_nodes import DIGITS, Arrows, LineNodes, SolidNodes, VehicleNodes, bytes_of, segments
-from skyarm.world.scene.shapes import RGBA
-from skyarm.world.scene.vehicle_shapes import body_poses, rotor_turns
+from skyarm.view.picture.mujoco_sink import FIELD_OF_VIEW
+from skyarm.view.picture.viser_sink import (
+    DIGITS,
+    Arrows,
+    LineNodes,
+    SolidNodes,
+    VehicleNodes,
+    add_light,
+    bytes_of,
+    segments,
+)
+from skyarm.world.scene.vehicle_shapes import rotor_turns
 
 if TYPE_CHECKING:
     from viser import SceneApi
@@ -142,7 +151,7 @@ class _Stage:
 
 
 def _serialize(
-    flights: Flights,
+    flights: Sequence[FilmedFlight],
     times: Array,
     settings: FilmSettings,
     progress: Progress | None,
@@ -151,7 +160,7 @@ def _serialize(
     server, shifts = _Stage(), _shifts(flights, settings)
     _surroundings(server, flights, shifts, times, settings)
     vehicles = [
-        _RecordedFlight(server.scene, f"/flight{i + 1}", flight, shift, times, settings)
+        _RecordedFlight(server.scene, f"/flight{i + 1}", flight, shift, settings)
         for i, (flight, shift) in enumerate(zip(flights, shifts, strict=True))
     ]
     for vehicle in vehicles:
@@ -171,20 +180,18 @@ def _serialize(
 class _RecordedFlight:
     """Scene nodes of one flight in a recording: vehicle, desired pose, paths, label, wind and contact forces."""
 
-    def __init__(
-        self, scene: SceneApi, root: str, flight: FilmedFlight, shift: Array, times: Array, settings: FilmSettings
-    ) -> None:
-        self._flight, self._times = flight, times
+    def __init__(self, scene: SceneApi, root: str, flight: FilmedFlight, shift: Array, settings: FilmSettings) -> None:
+        self._flight = flight
         reach = self._reach = vehicle_reach(flight)
         self._blows = np.zeros(3)
         # the origin is the flight's own place
         scene.add_frame(root, show_axes=False, position=shift)
-        pose = flight.position, flight.quaternion, flight.joints
-        self._bodies = [self._vehicle(scene, f"{root}/vehicle", pose, ghost=False)]
+        paint = paint_of(flight.color)
+        self._vehicle = VehicleNodes(scene, f"{root}/vehicle", flight.vehicle, paint, points=flight.scene.attached)
         self._turns = rotor_turns(flight.vehicle, flight.tilts)
-        if settings.ghost:
-            pose = flight.desired_position, flight.desired_quaternion, flight.desired_joints
-            self._bodies.append(self._vehicle(scene, f"{root}/desired", pose, ghost=True))
+        self._ghost = (
+            VehicleNodes(scene, f"{root}/desired", flight.vehicle, lambda _: GHOST) if settings.ghost else None
+        )
         _add_path(scene, f"{root}/tip_path", flight.tip, bytes_of(flight.color), 2.0)
         _add_path(scene, f"{root}/desired_tip_path", flight.desired_tip, PATH_COLOR, 1.0)
         above = flight.desired_position.mean(axis=0) + np.array([0.0, 0.0, 1.3 * reach])
@@ -197,29 +204,16 @@ class _RecordedFlight:
         colors = [bytes_of(TOUCH)] * len(flight.scene.arrows)
         self._touches = Arrows(scene, f"{root}/touches", colors, 0.035 * reach, reached) if colors else None
         self._lines = LineNodes(scene, f"{root}/lines")
-        self._world = SolidNodes(scene, f"{root}/solids", lambda role: role_color(role, flight.color, ghost=False))
+        self._world = SolidNodes(scene, f"{root}/solids", paint)
         self._every = max(1, round(settings.fps / WORDS_PER_SECOND))
-
-    def _vehicle(
-        self, scene: SceneApi, name: str, pose: tuple[Array, Array, Array], *, ghost: bool
-    ) -> tuple[VehicleNodes, Array, Array]:
-        """Create the scene nodes of a vehicle; returns them with rotations and positions at every frame."""
-        flight = self._flight
-
-        def paint(role: str) -> RGBA:
-            return GHOST if ghost else role_color(role, flight.color, ghost=False)
-
-        nodes = VehicleNodes(scene, name, flight.vehicle, paint, points=() if ghost else flight.scene.attached)
-        rotations, positions = zip(*body_poses(flight.vehicle, *pose).values(), strict=True)
-        return nodes, np.stack(rotations, axis=1), np.stack(positions, axis=1)
 
     def put(self, k: int) -> None:
         """Move the scene nodes to frame k of the recording."""
         flight = self._flight
-        turned = {name: turn[k] for name, turn in self._turns.items()}
-        for i, (nodes, rotations, positions) in enumerate(self._bodies):
+        self._vehicle.place(flight.poses, self._turns, k)
+        if self._ghost is not None:
             # nothing is wanted of the servos: the desired pose has them at rest
-            nodes.place(rotations[k], positions[k], {} if i else turned)
+            self._ghost.place(flight.desired_poses, k=k)
         if k % self._every == 0:
             self._words.text = self._text(k)
         force, air = flight.force[k], flight.air[k]
@@ -231,17 +225,15 @@ class _RecordedFlight:
             self._blows = along
             self._wind.point(np.array([[self._wind_to - 0.9 * self._reach * along, self._wind_to]]))
         if self._touches is not None:
-            ends = np.zeros((len(flight.scene.arrows), 2, 3))
-            for i, mark in enumerate(touch_marks(flight, k, self._reach)):
-                ends[i] = np.round([mark.start, mark.end], COARSE)
-            self._touches.point(ends)
+            ends = touch_arrows(flight.scene.arrows, k, TOUCH_PER_NEWTON, LONGEST_TOUCH)
+            self._touches.point(np.round(ends, COARSE))
         self._world.place(flight.scene.solids, k)
         self._lines.place(flight.scene.lines, k)
 
     def _text(self, k: int) -> str:
-        flight = self._flight
-        wind = wind_words(flight, k) if self._times[k] < flight.end else ""
-        return f"{flight.label}: {state_words(flight, float(self._times[k]), k)}" + (f", {wind}" if wind else "")
+        flight, time = self._flight, float(self._flight.times[k])
+        wind = wind_words(flight, k) if time < flight.end else ""
+        return f"{flight.label}: {state_words(flight, time, k)}" + (f", {wind}" if wind else "")
 
 
 def _add_path(scene: SceneApi, name: str, places: Array, color: tuple[int, ...], width: float) -> None:
@@ -258,10 +250,7 @@ def _surroundings(
     """Set up ground, light and initial camera of a recording."""
     scene = server.scene
     scene.set_up_direction("+z")
-    # shadows and a map of the surroundings take seconds a frame where no GPU draws
-    scene.configure_default_lights(enabled=True, cast_shadow=False)
-    scene.configure_environment_map(None)
-    scene.add_light_ambient("/light", intensity=1.2)
+    add_light(scene, 1.2)
     centre = np.mean([f.desired_position.mean(axis=0) + s for f, s in zip(flights, shifts, strict=True)], axis=0)
     scene.add_grid(
         "/ground",

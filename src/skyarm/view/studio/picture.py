@@ -14,11 +14,13 @@ from skyarm.records.arrays import Array, float_array, lengths
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.simulate.first_state import first_loop_state
 from skyarm.vehicle import Vehicle
+from skyarm.view.picture.frames import goal_of, poses_of, scenes_at
+from skyarm.view.picture.marks import tones_of, touch_arrows
+from skyarm.view.picture.viser_sink import STILL, Arrows, LineNodes, SolidNodes, VehicleNodes, add_light, segments
 from skyarm.view.studio.fleet import Flight, FlownAgent
-from skyarm.view.studio.scene_nodes import STILL, Arrows, LineNodes, Paint, SolidNodes, VehicleNodes, segments
-from skyarm.view.studio.sights import PlottedInstant, goal_of, poses_of, scenes_at
-from skyarm.world.scene.scene import OBSTACLES, Arrow, Scene, hidden_share
-from skyarm.world.scene.shapes import RGBA, Solid, floats
+from skyarm.view.studio.sights import PlottedInstant
+from skyarm.world.scene.scene import OBSTACLES, Scene, hidden_share
+from skyarm.world.scene.shapes import Solid, floats
 from skyarm.world.scene.vehicle_shapes import Placed, disc_name, payload_shape, rotor_turns
 
 if TYPE_CHECKING:
@@ -34,9 +36,6 @@ SHELL = 0.06
 
 FLOORS = {False: ((200, 200, 200), (140, 140, 140)), True: ((40, 40, 40), (62, 62, 62))}
 """True for a dark page -> colours of the floor's lines, of cells and of metres."""
-
-TONES = {"hull": 1.0, "boom": 0.75, "rotor": 0.5, "link": 0.85, "joint": 0.6, "tip": 1.15, "point": 1.4, "payload": 0.4}
-"""Role of a shape -> brightness of its law's colour; 0.6 for any other."""
 
 THRUST, WIND, PUSHED, TOUCH = (240, 190, 40), (70, 170, 220), (225, 60, 60), (198, 26, 140)
 
@@ -60,16 +59,6 @@ VIEWS = tuple(np.array([x, y, 0.38]) for x, y in ((0.72, -0.85), (-0.72, -0.85),
 
 LOOK_AT = np.array([0.12, 0.08, -0.28])
 """Camera target (m, relative to the vehicle) of a new tab, left of the panel on a wide screen."""
-
-
-def tones_of(color: Sequence[int], opacity: float = 1.0) -> Paint:
-    """Make a function from a shape's role to a shade of one colour; rotors are transparent."""
-
-    def paint(role: str) -> RGBA:
-        red, green, blue = (min(1.0, TONES.get(role, 0.6) * c / 255.0) for c in color)
-        return (red, green, blue, 0.5 * min(opacity, 0.7) if role == "rotor" else opacity)
-
-    return paint
 
 
 class AgentNodes:
@@ -99,7 +88,7 @@ class AgentNodes:
         touches = [TOUCH] * len(first.arrows)
         self._touches = Arrows(scene, f"{STAGE}/touches{end}", touches, TOUCH_SHAFT, at) if touches else None
         self._place_scene(first)
-        self.vehicle.place(placed.rotations, placed.positions, _rotor_rotations(vehicle, state))
+        self.vehicle.place(placed.poses, turns_of(vehicle, state))
 
     def _place_scene(self, scene: Scene, more: Sequence[Solid] = ()) -> None:
         """Draw payloads and cables of a flight; surfaces and objects only for the first flight."""
@@ -107,13 +96,13 @@ class AgentNodes:
         self._world.place([*solids, *more])
         self._lines.place(scene.lines)
         if self._touches is not None:
-            self._touches.point(touch_arrows(scene.arrows))
+            self._touches.point(touch_arrows(scene.arrows, 0, NEWTON))
 
     def draw(self, agent: FlownAgent, state: State, scene: Scene, *, slow: bool) -> Array:
         """Draw a vehicle in a state with its surroundings; returns the position (m) of its base."""
         placed, flight = poses_of(self._vehicle, state), agent.flight
-        speeds, turns = float_array(state.rotor_speeds), _rotor_rotations(self._vehicle, state)
-        self.vehicle.place(placed.rotations, placed.positions, turns if flight.session.running else {})
+        speeds, turns = float_array(state.rotor_speeds), turns_of(self._vehicle, state)
+        self.vehicle.place(placed.poses, turns if flight.session.running else {})
         self._place_scene(scene, self._attached_mass(agent.hung_mass, placed))
         self._forces.point(force_arrows(self._vehicle, agent.last, placed, speeds, turns))
         if slow:
@@ -150,16 +139,11 @@ def force_arrows(
     R, p, ends = placed.rotations[0], placed.positions[0], []
     for rotor, speed in zip(vehicle.rotors, speeds, strict=True):
         hub, axis = p + R @ np.array(floats(rotor.position)), np.array(floats(rotor.axis))
-        turn = turns.get(disc_name(rotor.name), np.eye(3))
+        turn = turns.get(disc_name(rotor.name), np.eye(3)[None])[0]
         ends.append((hub, hub + NEWTON * float(rotor.thrust_coefficient) * speed**2 * (R @ turn @ axis)))
     above = p + np.array([0.0, 0.0, 0.22])
     ends += [(above - NEWTON * last.air, above), (p - NEWTON * last.pushed, p)]
     return np.array(ends)
-
-
-def touch_arrows(arrows: Sequence[Arrow]) -> Array:
-    """Start and end points (m) of contact force arrows, (N, 2, 3)."""
-    return np.array([(each.spot[0], each.spot[0] + NEWTON * each.force[0]) for each in arrows]).reshape(-1, 2, 3)
 
 
 def trail(tips: Sequence[Array]) -> npt.NDArray[np.float32]:
@@ -168,10 +152,9 @@ def trail(tips: Sequence[Array]) -> npt.NDArray[np.float32]:
     return segments(places).astype(np.float32)
 
 
-def _rotor_rotations(vehicle: Vehicle, state: State) -> dict[str, Array]:
-    """Rotation matrix (3, 3) of each tilting rotor in a state, by the name of its disc."""
-    angles = np.array([[float(each) for each in state.tilts]])
-    return {name: turn[0] for name, turn in rotor_turns(vehicle, angles).items()}
+def turns_of(vehicle: Vehicle, state: State) -> dict[str, Array]:
+    """Rotation (1, 3, 3) of each tilting rotor's disc in a state, by its name."""
+    return rotor_turns(vehicle, float_array(state.tilts)[None])
 
 
 class StudioStage:
@@ -185,10 +168,7 @@ class StudioStage:
         self._server, self._scene = server, server.scene
         self.follow = False
         self._frame = 0
-        # shadows and a map of the surroundings take seconds a frame where no GPU draws
-        self._scene.configure_default_lights(cast_shadow=False)
-        self._scene.configure_environment_map(None)
-        self._scene.add_light_ambient("/light", intensity=1.5)
+        add_light(self._scene, 1.5)
         self._stage = self._scene.add_frame(STAGE, show_axes=False)
         self._origin, self._moved = np.zeros(3), np.zeros(3)
         self._ground = self._scene.add_grid(f"{STAGE}/ground", width=12.0, height=12.0, cell_size=0.5)
@@ -273,5 +253,4 @@ class FleetPicture(StudioStage):
 
     def _draw_ghosts(self, scenario: Scenario, time: float) -> None:
         for ghost, agent in zip(self._ghosts, scenario.agents.values(), strict=True):
-            goal = goal_of(agent, time)
-            ghost.place(goal.rotations, goal.positions)
+            ghost.place(goal_of(agent, time).poses)

@@ -10,8 +10,8 @@ from skyarm.log.motion import PoseSeries, PredictedMotion, distance_between
 from skyarm.records.arrays import Array
 from skyarm.records.immutable import positional
 from skyarm.vehicle import Vehicle
+from skyarm.view.picture.viser_sink import segments
 from skyarm.view.studio.clock import Clock
-from skyarm.view.studio.scene_nodes import segments
 
 RATE = 100
 """Rate (Hz) of stored pictures, more than a screen shows at any speed."""

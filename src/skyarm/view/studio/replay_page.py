@@ -8,12 +8,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from skyarm.view.picture.marks import tones_of
+from skyarm.view.picture.viser_sink import VehicleNodes
 from skyarm.view.studio.clock import Clock
 from skyarm.view.studio.controls import Chart, Column, add_clock, literal, on_user_input
 from skyarm.view.studio.page_loop import PageLoop
-from skyarm.view.studio.picture import COLORS, GHOST, LOOK_AT, SLOW, STAGE, TRAIL, VIEWS, StudioStage, tones_of
+from skyarm.view.studio.picture import COLORS, GHOST, LOOK_AT, SLOW, STAGE, TRAIL, VIEWS, StudioStage
 from skyarm.view.studio.replay import HORIZONS, PredictionError, PredictionReplay, mean_error
-from skyarm.view.studio.scene_nodes import VehicleNodes
 from skyarm.world.scene.vehicle_shapes import longest_boom, place
 
 if TYPE_CHECKING:
@@ -62,7 +63,7 @@ class ReplayPicture(StudioStage):
             nodes.show(predicted)
             if predicted:
                 placed = place(replay.vehicle, motion.position[k], motion.quaternion[k], motion.joints[k])
-                nodes.place(placed.rotations, placed.positions)
+                nodes.place(placed.poses)
         self._follow(replay.measured.position[replay.tick])
         if self._frame % SLOW == 0:
             for node, segments in zip(self._trails, replay.trails(TRAIL), strict=True):

@@ -8,24 +8,20 @@ from typing import SupportsFloat
 
 import numpy as np
 
-from skyarm.dynamics import State
 from skyarm.dynamics.actuators import Command
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.plant.loads import wind_at
-from skyarm.plant.surroundings import Surroundings, motions_of
+from skyarm.plant.surroundings import Surroundings
 from skyarm.records.arrays import Array, norm
 from skyarm.records.immutable import positional
 from skyarm.records.leaves import Tree
-from skyarm.scenario.scenario_record import Agent, Scenario
-from skyarm.simulate.loop_state import LoopState
+from skyarm.scenario.scenario_record import Agent
 from skyarm.simulate.session import Session
 from skyarm.simulate.stages import Stages
 from skyarm.vehicle import Vehicle
+from skyarm.view.picture.frames import goal_of, poses_of
 from skyarm.world.component import Component
-from skyarm.world.scene.component_scenes import scene_now, scenes_of
-from skyarm.world.scene.scene import Scene, instant_of
 from skyarm.world.scene.shapes import floats
-from skyarm.world.scene.vehicle_shapes import Placed, place
 
 
 @positional
@@ -109,44 +105,6 @@ def contact_forces(
             if surface:
                 forces[surface] = forces.get(surface, 0.0) + float(force)
     return forces
-
-
-def poses_of(vehicle: Vehicle, state: State) -> Placed:
-    """Positions and rotations of the bodies in a state."""
-    return place(vehicle, tuple(state.position), tuple(state.quaternion), state.joints)
-
-
-def goal_of(agent: Agent, time: float) -> Placed:
-    """Desired positions and rotations of a vehicle's bodies at a time (s): level base and joints on its reference."""
-    desired = agent.reference.at(time)
-    half = 0.5 * float(desired.yaw)
-    level = math.cos(half), 0.0, 0.0, math.sin(half)
-    return place(agent.vehicle, tuple(desired.position), level, desired.joints)
-
-
-def scenes_at(scenario: Scenario, now: LoopState, time: float, around: Array, *, attached: bool = True) -> list[Scene]:
-    """Drawn solids, lines and arrows around each vehicle at a state of the closed loop, in order.
-
-    Args:
-        scenario: flown scenario.
-        now: state of its closed loop.
-        time: s.
-        around: (3,) m, place about which planes are drawn.
-        attached: as of :func:`skyarm.world.scene.component_scenes.scenes_of`.
-    """
-    agents, names = scenario.agents.values(), tuple(scenario.agents)
-    motions = motions_of([each.plant for each in agents], [own.state for own in now.agents], names)
-    rows = {}
-    for name, agent, own, motion in zip(names, agents, now.agents, motions, strict=True):
-        motion.task_time = time
-        rows[name] = scenario.own_components(agent), own.components, motion
-
-    def draw(name: str, shared: bool) -> Scene:
-        models, memories, motion = rows[name]
-        every = (*models, *scenario.shared_components), (*memories, *now.components)
-        return scene_now(*(every if shared else (models, memories)), instant_of(motion, time, around), motion)
-
-    return [*scenes_of(names, draw, attached=attached)]
 
 
 def _efforts(vehicle: Vehicle, setpoints: Sequence[SupportsFloat]) -> tuple[float, ...]:

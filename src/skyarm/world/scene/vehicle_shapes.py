@@ -154,6 +154,12 @@ class Placed:
     positions: Array
     tip: Array
 
+    @property
+    def poses(self) -> Poses:
+        """The same as rotations and positions at one instant, by body index."""
+        pairs = zip(self.rotations[:, None], self.positions[:, None], strict=True)
+        return dict(enumerate(pairs, BASE))
+
 
 @lru_cache(maxsize=16)
 def _program(vehicle: Vehicle) -> Program:

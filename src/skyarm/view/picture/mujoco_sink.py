@@ -16,10 +16,12 @@ import numpy as np
 from skyarm.plant.mujoco_model import KINDS
 from skyarm.records.arrays import Array, IntArray, Pixels
 from skyarm.records.immutable import positional
-from skyarm.view.film.camera_paths import FIELD_OF_VIEW, CameraPath
-from skyarm.view.film.filmed_flight import FilmMark
-from skyarm.view.film.offscreen import offscreen
+from skyarm.view.picture.marks import Stroke
+from skyarm.view.picture.offscreen import offscreen
 from skyarm.world.scene.shapes import SURFACE, UPRIGHT, Shape, Solid, mesh_of, own_mesh
+
+FIELD_OF_VIEW = 40.0
+"""Field of view (deg), from the lower to the upper edge of a panel."""
 
 GEOMS = {
     **KINDS,
@@ -63,6 +65,20 @@ THIN = 2e-4
 
 
 @positional
+class CameraPath:
+    """Target, distance and direction of a picture's camera in each of F frames.
+
+    Attributes:
+        look_at: (F, 3) m. distance: (F,) m. azimuth, elevation: (F,) deg, as MuJoCo's free camera has them.
+    """
+
+    look_at: Array
+    distance: Array
+    azimuth: Array
+    elevation: Array
+
+
+@positional
 class FramePanel:
     """Rectangle of a film frame with its camera, solids, lines and arrows.
 
@@ -78,7 +94,7 @@ class FramePanel:
     height: int
     camera: CameraPath
     solids: Sequence[Solid]
-    marks: Callable[[int], Sequence[FilmMark]]
+    marks: Callable[[int], Sequence[Stroke]]
     ground: float = 0.0
 
 

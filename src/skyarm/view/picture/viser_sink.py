@@ -5,25 +5,28 @@ A node is sent a value only where it differs from the last one by more than can 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
 
 from skyarm.records.arrays import Array, lengths
 from skyarm.vehicle import BASE, Vehicle
+from skyarm.view.picture.marks import Paint
 from skyarm.world.scene.scene import Line
 from skyarm.world.scene.shapes import RGBA, UPRIGHT, Shape, Solid, mesh_of
-from skyarm.world.scene.vehicle_shapes import quaternions_of, vehicle_shapes
+from skyarm.world.scene.vehicle_shapes import Poses, quaternions_of, vehicle_shapes
 
 if TYPE_CHECKING:
-    from skyarm.view.studio.server import LineNode, SceneApi, SceneNode, ShapeNode
+    import viser
+    from viser import SceneApi
 
-Paint = Callable[[str], RGBA]
-"""Function from a shape's role to its colour."""
+SceneNode: TypeAlias = "viser.SceneNodeHandle"
+ShapeNode: TypeAlias = "viser.MeshHandle | viser.IcosphereHandle | viser.BoxHandle | viser.CylinderHandle"
+LineNode: TypeAlias = "viser.LineSegmentsHandle"
 
 NO_TURNS: Mapping[str, Array] = MappingProxyType({})
 
@@ -96,6 +99,14 @@ def add_shape(scene: SceneApi, name: str, shape: Shape, color: RGBA, *, wires: b
     return node
 
 
+def add_light(scene: SceneApi, ambient: float) -> None:
+    """Light a viser scene, with a given intensity of the light from everywhere."""
+    # shadows and a map of the surroundings take seconds a frame where no GPU draws
+    scene.configure_default_lights(cast_shadow=False)
+    scene.configure_environment_map(None)
+    scene.add_light_ambient("/light", intensity=ambient)
+
+
 def bytes_of(color: Sequence[float]) -> tuple[int, int, int]:
     """Convert a colour to red, green and blue from 0 to 255."""
     red, green, blue = (min(255, round(255.0 * c)) for c in color[:3])
@@ -140,21 +151,21 @@ class VehicleNodes:
         ]
         self._discs = {shape.name: (MovingNode(node), shape) for node, shape in self._meshes if shape.role == "rotor"}
 
-    def place(self, rotations: Array, positions: Array, turns: Mapping[str, Array] = NO_TURNS) -> None:
-        """Set the poses of the bodies and the tilt of rotor discs.
+    def place(self, poses: Poses, turns: Mapping[str, Array] = NO_TURNS, k: int = 0) -> None:
+        """Set the poses of the bodies and the tilt of rotor discs at instant ``k``.
 
         Args:
-            rotations: (bodies, 3, 3) R_WB, the base first.
-            positions: (bodies, 3) p_WB.
-            turns: name of a disc -> R_BB (3, 3).
+            poses: body -> R_WB (N, 3, 3) and p_WB (N, 3), the base first.
+            turns: name of a disc -> R_BB (N, 3, 3).
+            k: number of the instant.
         """
-        R, p = rotations[0], positions[0]
+        (R, p), *links = ((rotations[k], positions[k]) for rotations, positions in poses.values())
         self._base.put(p, R)
-        for node, rotation, position in zip(self._links, rotations[1:], positions[1:], strict=True):
+        for node, (rotation, position) in zip(self._links, links, strict=True):
             node.put(R.T @ (position - p), R.T @ rotation)
         for name, turn in turns.items():
             disc, shape = self._discs[name]
-            disc.put(np.array(shape.position), turn @ np.array(shape.rotation))
+            disc.put(np.array(shape.position), turn[k] @ np.array(shape.rotation))
 
     def show(self, visible: bool) -> None:
         """Show or hide the vehicle."""
