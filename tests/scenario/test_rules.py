@@ -155,7 +155,7 @@ def runs(monkeypatch: pytest.MonkeyPatch) -> Counter[str]:
 
 ONCE = {name_of(each): 1 for each in (*RULES, *SHARED_RULES)}
 TOUCHED = {
-    "plant.gravity": ("surroundings_fit", "shared_surroundings_fit"),
+    "plant.gravity": ("initial_state_is_possible", "surroundings_fit", "shared_surroundings_fit"),
     "controller.gains.position.x": ("clocks_of_law_agree", "sensors_suffice", "law_can_be_called"),
     "environment.wind.velocity.0": (
         "drives_fit",

@@ -131,6 +131,10 @@ class Rates:
                 )
 
 
+OF_TRIM = ("position", "quaternion", "joints", "rotor_speeds")
+"""Fields of a state in hover trim that follow from vehicle and reference; the others are zero in any."""
+
+
 @immutable
 class PartialState(State):
     """Initial state of which some fields are left out: those of hover trim at the reference, of any vehicle.
@@ -145,7 +149,7 @@ class PartialState(State):
     def of(state: State, left_out: Collection[str], vehicle: Vehicle) -> State:
         """Partial state with the fields of a complete one, but those left out; the complete one if none is."""
         blank = leaves.parts(example_state(*vehicle.sizes))
-        lacking = tuple(name for name in blank if name in left_out and blank[name] != ())
+        lacking = tuple(name for name in OF_TRIM if name in left_out and blank[name] != ())
         fields = {name: blank[name] if name in lacking else getattr(state, name) for name in blank}
         return PartialState(**fields, left_out=lacking) if lacking else State(**fields)
 
