@@ -77,7 +77,7 @@ def test_what_the_scenario_says_is_said(path, value):
 
 def test_a_lane_is_looked_at_with_all_of_its_numbers(monkeypatch):
     made = []
-    monkeypatch.setattr(lane_numbers, "with_numbers", lambda scenario, numbers: made.append(numbers))
+    monkeypatch.setattr(lane_numbers, "with_numbers", lambda scenario, numbers: made.append(numbers) or scenario)
     values = {MASS: column(1.0, 3.0, 2.0, 1.5), GRAVITY: column(9.0, 9.1, 9.2, 9.05)}
     LaneRules(BASE, [MASS, GRAVITY]).require(values)
     # the lane of the least mass is that of the least gravity
@@ -85,9 +85,10 @@ def test_a_lane_is_looked_at_with_all_of_its_numbers(monkeypatch):
 
 
 def test_of_numbers_that_are_wrong_only_together_the_lane_is_named(monkeypatch):
-    def refuse(_scenario, numbers):
+    def refuse(scenario, numbers):
         if numbers.get(MASS, 9.0) < 2.0 and numbers.get(GRAVITY, 0.0) > 9.0:
             raise ValueError("too light")
+        return scenario
 
     monkeypatch.setattr(lane_numbers, "with_numbers", refuse)
     with pytest.raises(ScenarioError, match="values of lane 1: too light"):
@@ -96,7 +97,7 @@ def test_of_numbers_that_are_wrong_only_together_the_lane_is_named(monkeypatch):
 
 def test_what_passed_once_is_not_looked_at_again(monkeypatch):
     made = []
-    monkeypatch.setattr(lane_numbers, "with_numbers", lambda scenario, numbers: made.append(numbers[MASS]))
+    monkeypatch.setattr(lane_numbers, "with_numbers", lambda scenario, numbers: made.append(numbers[MASS]) or scenario)
     rules = LaneRules(BASE, [MASS])
     for numbers, looked_at in (
         ((1.0, 2.0), [1.0, 2.0]),

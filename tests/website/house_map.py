@@ -79,6 +79,7 @@ FIRST = {
     "studies.trial": "studies/trial/trial.py",
     "studies.stability": "studies/stability/margins.py",
     "studies.sweep": "studies/sweep/study.py",
+    "view.picture": "view/picture/frames.py",
     "view.studio": "view/studio/page.py",
     "studies.flights": "studies/flights/work.py",
     "simulate": "simulate/period.py",

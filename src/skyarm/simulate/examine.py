@@ -476,7 +476,8 @@ def _parts_of_agent(scenario: Scenario, whole: Scenario, *, first: bool) -> Iter
     ]
     for place, model in models:
         if own_code(type(model)):
-            yield part(model.registered_as, model, place)
+            # a component of no registered kind has the contract that all components share
+            yield part(getattr(model, "registered_as", "force"), model, place)
 
 
 def _values_within(record: object, place: str) -> Iterator[tuple[str, object]]:

@@ -69,12 +69,18 @@ LATER = {"Dryden": "least_airspeed"} | dict.fromkeys(("ObjectWrench", "LeaderFol
 """Class of a record -> field that it did not have yet when the digests were taken."""
 
 
+MOVED = {"skyarm.world.team.virtual_masses:Member": "skyarm.world.team.team:Member"}
+"""Class of a record -> where it stood when the digests were taken."""
+
+
 def short(data: Any) -> Any:
     """Plain data with numbers of nine digits, those below 1e-12 as none, without fields of ``LATER``."""
     match data:
         case dict():
             later = LATER.get(str(data.get("type")).rpartition(":")[2])
             return {name: short(each) for name, each in data.items() if name != later}
+        case str() if data in MOVED:
+            return MOVED[data]
         case list():
             return [short(each) for each in data]
         case float() if math.isfinite(data):

@@ -21,6 +21,8 @@ from skyarm.simulate import Delays, run
 from skyarm.simulate.first_state import first_loop_state
 from skyarm.simulate.inputs import episode_inputs
 from skyarm.simulate.loop_state import InputRow
+from skyarm.simulate.program import PeriodRow, TracedPeriod
+from skyarm.simulate.stages import Stages
 from skyarm.studies.stability import margins
 from skyarm.studies.stability.closed_loop import closed_loop, radius
 from skyarm.studies.stability.flight_margins import evidence, hovering
@@ -170,7 +172,9 @@ def test_the_jacobians_are_those_that_scipy_finds(arm_hover):
     # where ours is taken: at the measurement and the command that the period itself makes
     base = found._complete(moving, begun, sizes, values_row, (0.0,))
     fed = rebuild(row, iter(values_row))
-    J = slopes(lambda *at: found._outputs(rebuild(point, iter(at)), ((0.002, 0.0), ()), fed), base)
+    given = ((0.002, 0.0), ())
+    period = TracedPeriod(Stages(found._scenario_of(given)), found._program.plant, given, PeriodRow(given=(fed,)), ())
+    J = slopes(lambda *at: found._open_period(period, rebuild(point, iter(at)))[1], base)
     loop = Differentiator.at(found, moving, [0.0, *held.held_leaves[0]], "up")
     nx, nu = 13 + 4 + 4, 6
     numbers = [0, 1, 2, *range(7, nx)]  # all but the quaternion, which moves by rotation vectors in ours

@@ -6,6 +6,7 @@ import asyncio
 import contextlib
 import time
 from collections.abc import Iterator
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 from types import SimpleNamespace
@@ -17,6 +18,7 @@ from tab import TOKEN, Open, Tab
 
 import skyarm
 from skyarm.records.path_names import agent_of
+from skyarm.scenario.scenario_record import Change
 from skyarm.view.studio.fleet import Fleet, Flight, FlownAgent, is_of_law, pushes_of
 from skyarm.view.studio.knobs import knobs_of
 from skyarm.view.studio.page import Page
@@ -235,8 +237,8 @@ def test_a_push_acts_on_the_chosen_vehicle_and_the_saved_flight_repeats_it(
 def test_a_load_hangs_at_the_vehicle_that_it_was_hung_at() -> None:
     flight = Flight.__new__(Flight)
     flight.first, flight.knobs, flight.title = team("bar"), (), "a"
-    flight.moved = {3: {"agents.right.plant.payload.mass": 0.2}}
-    flight.session = SimpleNamespace(tick=3)  # type: ignore[assignment]
+    hung = Change(at=0.0, path="agents.right.plant.payload.mass", value=0.2)
+    flight.session = SimpleNamespace(tick=3, plan=replace(flight.first, changes=(hung,)))  # type: ignore[assignment]
     assert [FlownAgent(flight, name).hung_mass for name in ("left", "right")] == [0.0, 0.2]
 
 

@@ -16,9 +16,7 @@ from pathlib import Path
 from traceback import walk_tb
 from typing import Any, NamedTuple, TypeAlias, TypeVar
 
-from skyarm.algebra import Vec3
 from skyarm.records.files.messages import one_line, shown
-from skyarm.records.leaves import leaves
 
 PACKAGE = f"{os.path.dirname(os.path.dirname(os.path.dirname(__file__)))}{os.sep}"
 """Folder of the library's own code."""
@@ -230,6 +228,8 @@ def first_not_finite(period: Callable[[], object]) -> str:
     Returns:
         ``file.py:12 (law): name is nan``, with the variable where there is one; empty without such a line.
     """
+    from skyarm.algebra import Vec3  # a command begins before it is loaded (own_sources)
+
     lines, debugger = list[str](), sys.gettrace()
 
     def enter(frame: types.FrameType, _event: str, _value: object) -> Trace | None:
@@ -271,6 +271,8 @@ def _not_finite(value: object) -> str:
     value = value.tolist() if hasattr(value, "tolist") else getattr(value, "state", value)  # of a motion
     if isinstance(value, float):
         return "" if math.isfinite(value) else str(abs(value))
+    from skyarm.records.leaves import leaves
+
     parts = value if isinstance(value, list) else leaves(value)
     return max((_not_finite(part) for part in parts if part is not value), default="")
 
