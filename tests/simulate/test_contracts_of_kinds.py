@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import inspect
 import random
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib import import_module
 from typing import Any
 
@@ -163,3 +163,23 @@ def test_a_wrong_result_of_each_method_of_a_model_is_a_mistake(name):
     base = {"force": skyarm.Force, "drive": skyarm.Drive}[kind]
     (mistake,) = examine(kind, made(base, **members), BASE, "plant.drives.joint2" if kind == "drive" else "")
     assert mistake.what == what
+
+
+def test_a_part_whose_name_is_no_kind_has_the_contract_of_components():
+    @dataclass(frozen=True, kw_only=True)
+    class Vortex(skyarm.Force):
+        registered_as = "vortex"
+
+    blown = replace(BASE, environment=replace(BASE.environment, forces=(Vortex(),)))
+    assert skyarm.run(blown).status == "completed"
+
+
+def test_a_metric_may_be_made_of_anything_by_an_own_constructor():
+    @dataclass(frozen=True, init=False)
+    class Own(skyarm.Metric):
+        share: float = 1.0
+
+        def __init__(self, *_: Any, **__: Any) -> None:
+            object.__setattr__(self, "share", 1.0)
+
+    assert kind_mistake("metric", Own) is None

@@ -56,7 +56,8 @@ def scheduled_changes(scenario: Scenario) -> tuple[Change, ...]:
         for name, agent in scenario.agents.items()
         for change in model_changes(agent.modelled_payloads, scenario.steps, scenario.rates.control)
     )
-    return (*scenario.changes, *derived)
+    # the plan of a flight states those that a change by hand followed
+    return (*scenario.changes, *(each for each in derived if each not in scenario.changes))
 
 
 def model_changes(payloads: Sequence[TimedPayload], steps: int, rate: int) -> tuple[Change, ...]:

@@ -485,7 +485,9 @@ def require_flight(scenario: object) -> None:
 
 
 def _numbers_of_start(scenario: Scenario) -> object:
-    """Parts of a scenario that decide how its vehicles start among the bodies that they may touch."""
+    """Parts of a scenario that decide how its vehicles start among the bodies that they may touch; none without any."""
+    if not scenario.worlds:
+        return ()
     agents = [(name, each.plant, each.reference, each.initial) for name, each in scenario.agents.items()]
     return scenario.environment.world, scenario.closure, agents
 

@@ -353,7 +353,8 @@ class Leg:
         if not loads:
             return {}
         numbers = dict(overrides_at(with_numbers(self._begun, loads), self.periods.start).numbers)
-        return {path: numbers[path] for path in self._set}
+        # limits that a safety layer measured anew follow from no mass
+        return {path: numbers.get(path, value) for path, value in self._set.items()}
 
     def begin(self, parameters: Array, seed: int, episodes: Array, last: tuple[Leg, Array] | None) -> Array:
         """Initial loop states and metric sums, one column per flight; carried over from a previous interval, if any."""

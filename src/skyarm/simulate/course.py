@@ -48,7 +48,12 @@ class Course:
     def plan(self) -> Scenario:
         """Scenario that reproduces the flight: the initial one with all changes made and still scheduled."""
         derived = scheduled_changes(self.begun)[len(self.begun.changes) :]
-        changes = tuple(each for each in (*self.made, *self.coming) if each not in derived)
+        every, rate = (*self.made, *self.coming), self.begun.rates.control
+        by_hand = {each.tick(rate): i for i, each in enumerate(every) if each not in derived}
+        # before a change by hand of the same instant a derived one stays, as it was made before
+        changes = tuple(
+            each for i, each in enumerate(every) if each not in derived or i < by_hand.get(each.tick(rate), 0)
+        )
         if changes == in_order(self.begun.changes, self.begun.rates.control):
             return self.begun
         return replace(self.begun, changes=changes)

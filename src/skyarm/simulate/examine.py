@@ -119,7 +119,7 @@ class UserPart:
             place: file and line, if not those of the method.
             method: method that the message names; the contract's first one gives the line without it.
         """
-        function = getattr(self.record, method or next(iter(CONTRACTS[self.kind].methods)), None)
+        function = getattr(self.record, method or next(iter(CONTRACTS[self.kind].methods), ""), None)
         line = place or place_of(function if own_code(function) else self.own or type(self.record))
         owner = f"{self.place} ({type(self.own or self.record).__name__}{method and '.'}{method})"
         return PartError(Mistake(f"law {self.record.name!r}" if self.kind == "law" else owner, line, what, instead))
@@ -476,8 +476,9 @@ def _parts_of_agent(scenario: Scenario, whole: Scenario, *, first: bool) -> Iter
     ]
     for place, model in models:
         if own_code(type(model)):
-            # a component of no registered kind has the contract that all components share
-            yield part(getattr(model, "registered_as", "force"), model, place)
+            # a component of no kind with a contract has the one that all components share
+            kind = getattr(model, "registered_as", "")
+            yield part(kind if kind in CONTRACTS else "force", model, place)
 
 
 def _values_within(record: object, place: str) -> Iterator[tuple[str, object]]:

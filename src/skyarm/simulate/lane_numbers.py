@@ -279,9 +279,15 @@ def warn_of_measured_limits(scenario: Scenario, paths: Sequence[str]) -> None:
     for name in scenario.agents:
         for limit in measured_paths(scenario, name)[:1]:
             inside = limit.rpartition(".limits.")[0] + ".inner"
-            for path in [path for path in paths if is_below(path, inside)][:1]:
+            for path in [path for path in paths if is_below(_changed_path(scenario, path), inside)][:1]:
                 words = f"path = {path!r}: varies, while {limit} of all lanes is that of the scenario's own law"
                 warnings.warn(f"{words}; state controller.safety.stiffness and damping", MeasuredLimitsWarning, 3)
+
+
+def _changed_path(scenario: Scenario, path: str) -> str:
+    """Path that a change sets whose value varies; any other path as it is."""
+    values = {f"changes.{i}.value": change.path for i, change in enumerate(scenario.changes)}
+    return values.get(path, path)
 
 
 def _refusals(scenario: Scenario, path: str) -> Iterator[str]:

@@ -232,7 +232,8 @@ def kind_mistake(kind: str, thing: object) -> Mistake | None:
         return _mistake(thing, f"has a field {taken[0]!r}", "must have another name; a table names its class by it")
     fields = inspect.signature(thing).parameters if contract.bare and dataclasses.is_dataclass(thing) else {}
     for name, field in fields.items():
-        if field.default is field.empty:
+        # an __init__ of the user's own may take anything
+        if field.default is field.empty and field.kind not in (field.VAR_POSITIONAL, field.VAR_KEYWORD):
             return _mistake(thing, f"has a field {name!r} without a default", "is made by its name alone")
     return class_mistake(thing)
 
