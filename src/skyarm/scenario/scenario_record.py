@@ -23,6 +23,7 @@ from skyarm.plant.interface import Truth
 from skyarm.plant.largest_step import INTEGRATORS
 from skyarm.records import coerce, leaves
 from skyarm.records.coerce import RecordError, concrete
+from skyarm.records.content import keep_results
 from skyarm.records.field_rules import accept_fields, checked, defaults, require_fields
 from skyarm.records.files import did_you_mean, errors_as, must_be_one_of, number, shown
 from skyarm.records.files.names import ALLOWED, is_result_name
@@ -1043,6 +1044,7 @@ def noise_key(field: str, value: object) -> int:
     return key
 
 
+@keep_results(16)
 def trimmed_state(world: Truth, position: Vec3, yaw: Scalar, joints: Scalars) -> State:
     """Hover trim of the plant: at rest and level, with rotor speeds that hold its weight and its arm's torque.
 
