@@ -142,4 +142,4 @@ def noise_share(vehicle: Vehicle) -> float:
     Inverting the lag of a motor amplifies noise of the wanted speed by about its time constant over the period.
     """
     times = (0.5 * (float(rotor.time_constant_up) + float(rotor.time_constant_down)) for rotor in vehicle.rotors)
-    return MOTOR_LAG / max(MOTOR_LAG, *times)
+    return MOTOR_LAG / max((MOTOR_LAG, *times))
