@@ -14,7 +14,7 @@ LATEST = 0.1
 """Largest time (s) between a PX4 message and the sample that it is of for which the sample's own stamp counts."""
 
 BOTH_WAYS = "rotor_commands: are left out, as PX4's motors turn both ways (CA_R_REV); a columns.toml may map them."
-"""Note on motors whose signals have a sign."""
+"""Note of a log whose motors turn both ways, so that their signals have a sign."""
 
 
 def is_reversible(motors: RawTable) -> bool:
@@ -38,7 +38,7 @@ def middle_of_mean(columns: Mapping[str, Array], sensor: str) -> Array:
 
 
 APART, CLEARLY = 0.02, 0.9
-"""Least time (s) between attitudes that are compared; and ratio of errors from which they tell means from samples."""
+"""Least time (s) between compared attitudes; ratio of their errors below which the smaller one is believed."""
 
 
 def by_attitude(motion: RawTable, attitude: RawTable) -> RawTable:

@@ -63,7 +63,7 @@ class SafetyParameters(LayerParameters):
     stated: tuple[str, ...] = field_if_any(default=())
 
     def path_names(self) -> Names:
-        """Parameter paths of the constants; which of them are stated is none."""
+        """Parameter paths of the constants; the names of the stated limits have none."""
         return {name: each for name, each in field_paths(self).items() if name != "stated"}
 
     @property

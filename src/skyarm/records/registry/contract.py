@@ -41,7 +41,7 @@ class Numbers:
 
 @positional
 class Method:
-    """Method of a contract.
+    """Method that users' code of a kind must have: its arguments, and what it returns.
 
     Attributes:
         arguments: names of its arguments, as the base class has them.
@@ -160,7 +160,7 @@ NAMING = "kind", "mode", "law"
 
 @positional
 class Mistake:
-    """Error in users' code.
+    """Error in users' code as data: whose, where, what is wrong, and what must be there.
 
     Attributes:
         owner: class of the code with its place in a scenario, or its kind and registered name.
