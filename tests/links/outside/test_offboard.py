@@ -108,6 +108,12 @@ def test_the_law_holds_the_first_reference_until_tracking_starts(scenario):
     assert np.linalg.norm(log.position_reference[-1] - log.position_reference[0]) > 0.19
 
 
+def test_the_law_follows_its_reference_from_the_start_of_tracking_on(scenario):
+    at_once, later = flown(scenario(1.5))[1], flown(with_words(scenario(1.5), tracking_start=0.5))[1]
+    ways = [np.linalg.norm(np.array(peer.path[-1]) - peer.place) for peer in (at_once, later)]
+    assert ways[1] > 0.5 * ways[0] > 0.05
+
+
 def test_set_points_go_only_beside_heartbeats_and_end_with_the_flight(scenario):
     log, peer = flown(scenario(0.6))
     assert log.status == "completed"
