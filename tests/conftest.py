@@ -121,7 +121,7 @@ def campaign() -> Any:
 ONE_AGENT = (
     "plant", "controller", "reference", "tracking_start", "path_time", "noise", "sensors", "estimator", "drives",
     "delays", "initial", "faults", "payloads",
-)  # fmt: skip
+)
 """Shortcuts of `Scenario` to the words of one agent, which are for users."""
 
 

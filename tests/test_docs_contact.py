@@ -68,7 +68,7 @@ def test_the_smallest_world_shown_is_one() -> None:
         "name": "ground", "duration": 1.0,
         "plant": {"vehicle": "hummingbird_arm2_rotors"}, "controller": {"preset": "paper_ct"},
         "reference": {"base": {"kind": "hover", "position": [0.0, 0.0, 1.0]}}, **tomllib.loads(shown),
-    })  # fmt: skip
+    })
     (surface,) = scenario.world.surfaces
     (point,) = scenario.world.points
     assert (surface.name, surface.shape, point.frame) == ("ground", "plane", "tip")

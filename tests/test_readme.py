@@ -217,7 +217,7 @@ def test_the_table_of_laws_is_what_flights_give():
     from skyarm.studies.flights.fly import fly
 
     cases = [{row[0].strip("`"): row[1:4] for row in rows(marked(LAWS, f"laws in {case} ", "laws"))}
-             for case in ("case3", "case3_wind")]  # fmt: skip
+             for case in ("case3", "case3_wind")]
     short = {row[0].strip("`"): row[1] for row in rows(marked(LAWS, "compare:", "compare"))}
     names = ("paper_pd", "paper_ct", "centroidal_joint", "centroidal_tip")
     assert {name: cases[1][name][2] for name in names} == short

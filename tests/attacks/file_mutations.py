@@ -26,14 +26,14 @@ JUNK: tuple[Any, ...] = (
     "line\nbreak", "\x1b[2J\x1b]0;title\x07", "\u202egnirts", "\u2028", "\0", "\u00fc" * 300, "y" * 5000, "%s{}{0}$x",
     [], [[]], [1], [1.0, 2.0], [0.0, 0.0, 0.0], [1e308] * 3, [math.nan] * 3, ["a", "b", "c"], [[1.0, 0.3]], [{}],
     [{}, 1], {}, {"kind": "sine"}, {"kind": "hover"}, {"name": "x"}, {"": 1}, {"mass": 1e308}, [0.1] * 500,
-)  # fmt: skip
+)
 
 WORDS: tuple[str, ...] = (
     "1e999", "-1e308", "nan", "inf", "-inf", "0x" + "f" * 5000, "9" * 5000, "-" + "9" * 5000, "1e-400", "1_0", "0b1",
     "true", '""', "''", '"""', "'''", "{", "}", "[", "]", "[[", "]]", "=", ".", ",", "#", "\n", "\r", "\t", "\0", "\\",
     '"\\u202e"', '"\\u0000"', "1979-05-27T07:32:00Z", "2021-02-30", "\ufeff", "\ud7ff", "\U0010ffff", "<a>", "</a>",
     "&lt;", "&#0;", "&x;", "<!--", "-->", "<![CDATA[", "<?x ?>", "é", "٣", "\u2028",
-)  # fmt: skip
+)
 """What stands in place of a word of a file."""
 
 Mutation = Callable[[bytes, random.Random], bytes]
@@ -275,7 +275,7 @@ BULKY = (
     ("size", ("nkey",)), ("size", ("nuser_body",)), ("size", ("nuserdata",)), ("numeric", ("size",)),
     ("user", ("dim",)),
     ("clock", ("nsample",)), ("clock", ()), ("contact", ("num",)), ("general", ("actdim",)), ("flexcomp", ("count",)),
-)  # fmt: skip
+)
 """Elements that a size makes large, and its attributes."""
 
 

@@ -90,7 +90,7 @@ def test_the_command_of_the_program_outside_names_a_law_where_the_file_has_none(
     assert outside_command("case3", other).endswith(":14640 --rate-bandwidth 18,18,6")
     slow = dataclasses.replace(other.plant.vehicle, rotors=tuple(
         dataclasses.replace(rotor, time_constant_up=0.2, time_constant_down=0.2) for rotor in other.plant.vehicle.rotors
-    ))  # fmt: skip
+    ))
     plant = dataclasses.replace(
         other, plant=dataclasses.replace(other.plant, vehicle=slow)
     )  # the parameters are the model's

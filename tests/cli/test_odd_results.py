@@ -138,7 +138,7 @@ def test_shapes_that_cannot_be_drawn(gives, kind) -> None:
     seen: Any = Instants(
         vehicle=BASE.plant.vehicle, times=np.zeros(2), position=np.zeros((2, 3)), quaternion=np.zeros((2, 4)),
         joints=np.zeros((2, 2)),
-    )  # fmt: skip
+    )
     with pytest.raises(ValueError) as error:  # noqa: PT011
         scene_in_log([Push()], seen, lambda name: np.zeros((2, 0)))
     assert str(error.value).startswith(f"{place(Push.shapes)} gives ")
@@ -234,7 +234,7 @@ def test_a_format_that_reads_no_log(form) -> None:
         (None, 0), (3, 3), (3.0, 3), (np.int64(3), 3), ({"a": 1.0}, None), ("3", None), (np.nan, None), (np.inf, None),
         (0.5, None),
     ],
-)  # fmt: skip
+)
 def test_what_a_command_returns_is_its_exit_code(value, code) -> None:
     with registry_kept():
 

@@ -42,7 +42,7 @@ def test_a_flight_that_ends_while_another_is_between_look_and_write_waits_for_it
     texts = {file.name: file.read_text() for file in tmp_path.iterdir()}
     assert texts == {
         "case1.npz": "second", "case1.csv": "second", "case1_1.npz": "first", "case1_1.csv": "first"
-    }  # fmt: skip
+    }
 
 
 def test_two_that_replace_leave_a_pair_of_one_flight(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

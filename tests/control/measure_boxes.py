@@ -29,7 +29,7 @@ FACE, START, WAY = 0.85, (0.3, -0.2), (0.5, 0.3)
 OFF = (
     (0.0, 0.0), (0.01, 0.005), (-0.005, -0.01), (0.02, 0.0), (-0.02, 0.0), (0.0, 0.02), (0.0, -0.02), (-0.014, 0.014),
     (0.014, -0.014),
-)  # fmt: skip
+)
 """m, of the box's middle from the tip."""
 BOX = "world.objects.box."
 
@@ -57,7 +57,7 @@ def scene(kind, bandwidth, size, mass, friction=0.5, dwell=1.0):
                          "position": [x, y, FACE - 0.5 * size + 0.001]}],
             "grippers": [{"name": "hand", "kind": kind, "force": 60.0, "torque": 2.0, "friction": friction}],
         },
-    })  # fmt: skip
+    })
 
 
 class Boxes(Batch):
@@ -77,7 +77,7 @@ def measure(kind, seeds, seed, *told):
     values = {
         BOX + "mass": mass, BOX + "position.0": START[0] + x, BOX + "position.1": START[1] + y,
         BOX + "position.2": FACE - 0.5 * size, "world.surfaces.table.position.2": FACE - size - 0.025,
-    } | {f"{BOX}size.{axis}": size for axis in range(3)}  # fmt: skip
+    } | {f"{BOX}size.{axis}": size for axis in range(3)}
     large, small = (scene(kind, told[0], *box, *told[1:]) for box in ((0.1, 0.5), (0.04, 0.3)))
     batch = Boxes(large, tuple(values), stiffest=small)
     flown = batch.fly(values, seed=seed, episodes=np.array([row[3] for row in rows]))

@@ -9,7 +9,7 @@ VEHICLES = {  # plant, model, height, posture, tip ahead, mass of the tip along 
     "arm6": ("hexarotor_arm6", "hexarotor_arm6", 1.5, [0.0, -0.6, -0.97, 0.0, -0.8, 0.0], 0.5, 0.066,
           {"interaction": [0.5, 0.15], "reach": 0.24, "damping": 0.06,
            "observer": [27.0, 31.0, 60.0, 60.0]}),
-}  # fmt: skip
+}
 
 
 def scene(name, **about):
@@ -37,5 +37,5 @@ def scene_document(name, *, noisy=True, friction=0.3, slide=0.0, ahead=0.04, nor
                 "position": [tip + ahead + 0.05, 0.0, 0.5 * top], "material": {"friction": friction},
             }],
         },
-    }  # fmt: skip
+    }
     return found | ({"sensors": dict(NOISE), "delays": {"measurement": 0.005}} if noisy else {})

@@ -142,7 +142,7 @@ def loads(seeds, seed):
                 },
                 "payloads": [{"name": "load", "mass": mass, "pick": PICK, "drop": DROP}],
                 "sensors": NOISE, "delays": {"measurement": 0.005},
-            }  # fmt: skip
+            }
             scenario = scenario_from(document)
             start = float(skyarm.run(dataclasses.replace(scenario, duration=0.1)).tip_reference[0, 2])
             support = Support(height=start, weight=9.81 * mass)
@@ -154,7 +154,7 @@ def loads(seeds, seed):
                     "lift": error[(log.time >= LIFT) & (log.time < CARRY)].max(),
                     "before": error[last], "after": error[log.time >= DROP].max(),
                     "mass": 100.0 * abs(log.load_mass_found[known] / mass - 1.0),
-                }  # fmt: skip
+                }
 
             flown = dataclasses.replace(scenario, forces=(*scenario.forces, support))
             completed, found = singly(flown, seeds, seed, read)

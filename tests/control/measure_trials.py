@@ -31,11 +31,11 @@ WORSE = 1.05
 VEHICLES = (
     "crazyflie_arm1", "hexarotor12_arm5", "hexarotor_arm6", "octo_coaxial_two_arms", "pelican_arm2",
     "quadrotor_roll_arm2", "voliro_like",
-)  # fmt: skip
+)
 CONDITIONS = (
     ("noise", 1.0), ("circle", 1.5), ("swing", 1.0), ("turbulence", 4.5), ("turning_wind", 10.0), ("wind_steps", 3.0),
     ("command_delay", 0.02),
-)  # fmt: skip
+)
 PLANTS, PLANT_SEED = 48, 11
 TURN = 0.5 * math.pi
 """rad/s, of a vehicle that yaws on its circle."""
@@ -68,7 +68,7 @@ PAPER = (
     Trial("circle", 1.0, yaws=True), Trial("swing", 2.0), Trial("push_x", 1.5), Trial("push_y", 1.5),
     Trial("push_z", 1.5), Trial("noise", 1.0, late=0.04), Trial("delay_in_flight", 0.04), Trial("motor_lag", 4.0),
     Trial("joint_lag", 0.04), Trial("payload", 0.1),
-)  # fmt: skip
+)
 GROUPS = {
     "paper": PAPER,
     "vehicles": tuple(Trial(axis, value, vehicle) for vehicle in VEHICLES for axis, value in CONDITIONS),

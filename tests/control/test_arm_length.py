@@ -45,7 +45,7 @@ def least_inertia(vehicle, h=1e-6):
     def places(q):
         poses = link_poses(vehicle, q)
         points = [np.array(list(pose.p + pose.R.apply(link.body.com))) for pose, link in
-                  zip(poses, vehicle.links, strict=True)]  # fmt: skip
+                  zip(poses, vehicle.links, strict=True)]
         turned = [np.array([list(row) for row in pose.R.rows], dtype=float) for pose in poses[: vehicle.n]]
         return np.array(list(frame_pose(vehicle, vehicle.frame(), q).p)), points, turned
 
@@ -56,7 +56,7 @@ def least_inertia(vehicle, h=1e-6):
         body, speeds, rates = link.body, [], []
         about = np.array([[body.inertia.xx, body.inertia.xy, body.inertia.xz],
                       [body.inertia.xy, body.inertia.yy, body.inertia.yz],
-                      [body.inertia.xz, body.inertia.yz, body.inertia.zz]], dtype=float)  # fmt: skip
+                      [body.inertia.xz, body.inertia.yz, body.inertia.zz]], dtype=float)
         for ahead, behind in sides:
             speeds.append((ahead[1][b] - behind[1][b]) / (2 * h))
             W = (ahead[2][b] - behind[2][b]) / (2 * h) @ rest[b].T

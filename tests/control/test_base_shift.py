@@ -72,7 +72,7 @@ def test_the_sweep_finds_the_bounded_solution_of_an_equation_whose_terms_change(
             lambda t, y: np.array([y[1], thrust(t) / lever(t) * y[0] - asked(t)]),
             lambda a, b, start=start: np.array([a[0] - start, b[0]]),
             span, np.zeros((2, span.size)), tol=1e-8, max_nodes=100_000,
-        )  # fmt: skip
+        )
         assert line[0].v.x - line[0].b * start == pytest.approx(float(found.sol(0.0)[1]), rel=1e-3)
     assert line[0].v.y == 0.0
 
@@ -145,7 +145,7 @@ def on_a_turning_circle(par, level, place, begin, turn=0.0):
 
     def seen(t, k):
         return (*((c, *more) for c, *more in zip(at(t, 0), at(t, 1), at(t, 2), strict=True)),
-                (0.3 + TURNING * t + turn, TURNING, 0.0))[k]  # fmt: skip
+                (0.3 + TURNING * t + turn, TURNING, 0.0))[k]
 
     shift = dataclasses.replace(FIRST_SHIFT, place=place)
     for k in range(4):
@@ -169,7 +169,7 @@ def turning_solution(lever, t):
     )
     pace = G / lever
     found = [sum(size * (1j * rate) ** k * np.exp(1j * rate * t) / (-rate * rate - pace) for size, rate in terms)
-             for k in range(3)]  # fmt: skip
+             for k in range(3)]
     return [np.array([each.real, each.imag]) for each in found]
 
 
@@ -284,7 +284,7 @@ def test_the_shift_goes_on_evenly_as_the_tip_passes_the_height_of_the_centre_of_
         q = posed(middle + off)
         joints = [Taylor.constant(float(each), 4) for each in q]
         ahead = [(lead, [*[(0.0, 0.0, 1.0)] * 2, *[(0.0, 0.0, 0.0)] * 2, *((float(each), 0.0, 0.0) for each in q)])
-                 for lead in par.preview[2:]]  # fmt: skip
+                 for lead in par.preview[2:]]
         moved, _ = bounded_shift(par, FIRST_SHIFT, base, AHEAD, joints, level_at(vehicle, q), STILL, ahead, DT)
         found.append([moved[0].x, moved[0].y])
     assert np.ptp(found, axis=0).max() < 0.1 * np.abs(found).max()
@@ -304,7 +304,7 @@ def ways_of(vehicle, q):
     spins = np.array([
         [unskewed((rotation_of(vehicle, q + each, link) - R[link]) @ R[link].T) / e for link in range(vehicle.n)]
         for each in e * np.eye(vehicle.n)
-    ])  # fmt: skip
+    ])
     jacobian, arm = spins.reshape(vehicle.n, -1).T, arm_of(vehicle, q)
     ways = []
     for tilt in ([0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]):
@@ -342,7 +342,7 @@ def test_an_arm_of_six_joints_keeps_its_tip_on_a_line_anywhere(yaw):
             "base": {"kind": "signals", "x": path, "y": 0.0, "z": 1.0},
             "joints": [0.0, 0.6, -1.0, 0.0, 0.5, 0.0],
         },
-    })  # fmt: skip
+    })
     log = skyarm.run(scenario)
     assert log.info["status"] == "completed"
     assert np.linalg.norm(log.tip - log.tip_reference, axis=1).max() < 1.5e-3
@@ -402,7 +402,7 @@ def test_the_drag_that_is_answered_is_that_of_the_base_as_it_shifts():
     model = Model(vehicle=skyarm.load_vehicle("hummingbird_arm2_rotors"), gravity=G)
     made = make_centroidal(model, mode="tip")
     state = State(position=ZERO, quaternion=Quaternion(1.0, 0.0, 0.0, 0.0), velocity=ZERO, rate=ZERO,
-                  joints=(0.3, -0.4), joint_rates=(0.0, 0.0), rotor_speeds=(500.0,) * 4)  # fmt: skip
+                  joints=(0.3, -0.4), joint_rates=(0.0, 0.0), rotor_speeds=(500.0,) * 4)
 
     def leans(place, drag):
         before = dataclasses.replace(made.memory.following, shift=dataclasses.replace(FIRST_SHIFT, place=place))

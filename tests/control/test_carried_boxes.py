@@ -79,7 +79,7 @@ def turned_by(gains, error, rates=(0.0,) * ARM.n, calm=()):
     now = Now(
         R=Mat3.identity(), rate=ZERO, alpha=ZERO, joints=joints, joint_rates=rates, posture=arm, tip=tip,
         tip_velocity=ZERO, com_acceleration=ZERO,
-    )  # fmt: skip
+    )
     links = tuple(pose.R @ turn(error) for pose in link_poses(ARM, joints))
     goal = TipGoal(tip=(tip, ZERO, ZERO), links=links, rates=(ZERO,) * 6, accelerations=(ZERO,) * 6)
     return np.array(joint_accelerations(ARM, gains, goal, now, still, calm), dtype=float)
@@ -115,7 +115,7 @@ def test_with_a_load_the_roll_torque_of_the_hand_is_left_and_its_link_turned_gen
         memory = dataclasses.replace(
             law.memory, started=1.0, parts=dataclasses.replace(law.memory.parts, load=held),
             observed=dataclasses.replace(law.memory.observed, joints=JOINTS, efforts=seen, joint_rates=turning),
-        )  # fmt: skip
+        )
         reading = dataclasses.replace(blank_measurement(ARM.n, len(ARM.rotors)), joints=JOINTS, joint_rates=turning)
         still = (0.0,) * ARM.n
         reference = Reference(joints=JOINTS, joint_rates=still, joint_accelerations=still, load=(1.0,))
@@ -221,7 +221,7 @@ def boxes(size, mass, across, kind="magnet"):
                          "position": [goal[0] + across[0], goal[1] + across[1], top - size / 2 + 0.001]}],
             "grippers": [{"name": "hand", "kind": kind, "force": 60.0, "torque": 2.0}],
         },
-    })  # fmt: skip
+    })
 
 
 @pytest.mark.thorough

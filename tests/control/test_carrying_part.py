@@ -122,7 +122,7 @@ def test_the_estimated_wrench_is_the_least_squares_solution_of_numpy(moment):
         np.hstack([cross, np.eye(3)]) / errors.base,
         np.hstack([np.eye(3), none]),
         np.hstack([none, np.eye(3)]) / moment,
-    ])  # fmt: skip
+    ])
     target = [*efforts / errors.turning, *torque / errors.base, *turn.inv().apply(force), 0.0, 0.0, 0.0]
     solved = np.linalg.lstsq(rows, np.array(target), rcond=None)[0]
     assert np.allclose([*f], turn.apply(solved[:3]), atol=1e-6)

@@ -186,7 +186,7 @@ def test_the_attitude_turns_against_a_force_as_fast_as_that_is_led():
     par = make_centroidal(Model(vehicle=skyarm.load_vehicle("hummingbird_arm2")), mode="joint").par
     zero, level = Vec3(0.0, 0.0, 0.0), Quaternion(1.0, 0.0, 0.0, 0.0)
     state = State(position=zero, quaternion=level, velocity=zero, rate=zero, joints=(0.0, 0.0),
-                  joint_rates=(0.0, 0.0), rotor_speeds=(0.0,) * 4)  # fmt: skip
+                  joint_rates=(0.0, 0.0), rotor_speeds=(0.0,) * 4)
     signals = [Taylor((0.0,) * 5)] * 6
     nothing = Disturbance(force=zero, torque=zero, efforts=(0.0, 0.0))
 

@@ -123,7 +123,7 @@ def hexarotor(**entries):
             "base": {"kind": "signals", "z": 1.5, **entries.pop("base", {})},
             "joints": [0.0, -0.6, -0.97, 0.0, -0.8, 0.0],
         },
-    }  # fmt: skip
+    }
     return scenario_from(found | entries)
 
 
@@ -155,7 +155,7 @@ def test_a_tip_that_meets_a_wall_stays_on_it_and_pushes_with_its_spring(hard):
     wall = {
         "name": "wall", "shape": "box", "size": [0.4, 4.0, 1.4], "position": [0.75, 0.0, 0.7],
         "material": {"stiffness": hard},
-    }  # fmt: skip
+    }
     log = skyarm.run(hexarotor(controller={"admittance": stiff}, base=ramp, world={"surfaces": [wall]}))
     force = log.contact_force[:, 0]
     met = np.argmax(force > 0.0)

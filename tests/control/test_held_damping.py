@@ -121,7 +121,7 @@ def test_damping_is_doubted_beyond_the_harmless_and_up_to_the_sure():
     for decay, doubted in (
         (0.0, 0.0), (0.999 * 0.1, 0.0), (1.001 * 0.1, 0.001 * 0.1), (1.0, 1.0 - 0.1),
         (0.999 * 5.0, 0.999 * 5.0 - 0.1), (1.001 * 5.0, 0.0), (50.0, 0.0),
-    ):  # fmt: skip
+    ):
         vehicle = with_friction((0.0, 0.0), (decay * unit, 0.0))
         found = doubted_dampings(vehicle, (0, FREE[1]), DT)
         assert found == pytest.approx((0.0, doubted * unit), abs=1e-12 * unit)

@@ -292,7 +292,7 @@ def test_the_lag_is_estimated_before_the_first_contact_of_a_flight():
         },
         "world": {"surfaces": [{"name": "wall", "shape": "box", "size": [0.1, 2.0, 0.9], "position": [1, 0, 0.45]}]},
         "sensors": NOISE, "delays": {"measurement": 0.005, "command": 0.01},
-    }  # fmt: skip
+    }
     log = skyarm.run(scenario_from(document))
     found = log.lag_found.max(axis=1)
     assert found[log.time < 0.15].max() < 1e-6

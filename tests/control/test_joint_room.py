@@ -268,7 +268,7 @@ def test_a_push_from_below_folds_the_arm_by_less_than_half_a_turn():
     pushed = dataclasses.replace(hover,
         forces=(Disturbance(force=force, frame=hover.plant.vehicle.end_effector),), noise=NOISE,
         delays=Delays(measurement=0.005), duration=9.0,
-    )  # fmt: skip
+    )
     law = make_centroidal(hover.controller.par.model, mode="tip", delay=0.005)
     log = skyarm.run(dataclasses.replace(pushed, controller=law))
     assert log.status == "completed"
@@ -312,7 +312,7 @@ def test_an_arm_that_slides_between_limits_has_more_damping_at_the_tip():
     assert [tip(octo, **options) for options in told] == [usual, usual]
     vehicle = octo.vehicle
     free = [dataclasses.replace(link, joint=dataclasses.replace(link.joint, lower=-np.inf, upper=np.inf))
-            if not link.joint.turns else link for link in vehicle.links]  # fmt: skip
+            if not link.joint.turns else link for link in vehicle.links]
     assert tip(Model(vehicle=dataclasses.replace(vehicle, links=tuple(free))))[1] == usual[1]
 
 

@@ -316,7 +316,7 @@ def test_the_model_answers_the_command_that_a_measurement_is_of(periods, earlier
         memory=SimpleNamespace(started=1.0, free=(1.0,) * 3), dt=DT,
         par=SimpleNamespace(model="model", delay_periods=periods),
         timing=SimpleNamespace(past=Rows(["oldest", "older", "newest"], ["first", "second", "third"])),
-    )  # fmt: skip
+    )
     gains.after(gains.start(2), step, 1.0)
     least = periods - earlier
     assert heard == [("model", ["newest", "older", "oldest"][least], ["third", "second", "first"][least])]

@@ -118,7 +118,7 @@ def test_thrust_that_turns_with_the_base_is_that_amid_the_step():
     begun = State(
         position=zero, quaternion=Quaternion(1.0, 0.0, 0.0, 0.0), velocity=zero, rate=Vec3(w, 0.0, 0.0), joints=(),
         joint_rates=(), rotor_speeds=speeds,
-    )  # fmt: skip
+    )
     done = first_past(Command(rotor_speeds=speeds, efforts=()), PERIODS).since(h / DT)
     found = predict_across(model, begun, done, no_disturbance(0), h, False)
     push = 4.0 * float(model.vehicle.rotors[0].thrust_coefficient) * 480.0**2 / float(model.vehicle.mass)

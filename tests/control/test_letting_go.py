@@ -137,13 +137,13 @@ def test_a_release_does_not_jab(name, joints, force, noisy):
     path = {
         "kind": "phases", "position": [ahead, float(tip.y), HEIGHT + float(tip.z)],
         "phases": [press, {"kind": "retreat"}],
-    }  # fmt: skip
+    }
     wall = {"name": "wall", "shape": "box", "size": [0.1, 2.0, top], "position": [ahead + 0.1, 0.0, 0.5 * top]}
     document = {
         "schema": 1, "name": "release", "duration": 4.5, "plant": {"vehicle": name},
         "controller": {"law": "centroidal", "mode": "tip", "interaction": [0.3, 0.1]},
         "reference": {"tip": {"posture": list(joints), "path": path}}, "world": {"surfaces": [wall]},
-    }  # fmt: skip
+    }
     if name == "hummingbird_arm2_rotors":
         document["model"] = {"vehicle": "hummingbird_arm2"}
     if noisy:

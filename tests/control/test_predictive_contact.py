@@ -163,7 +163,7 @@ def known(push, force, *, periods=1, place=(0.0, 0.0, 0.0), velocity=(0.0, 0.0, 
     r = RandomState(
         position=np.zeros(3), quaternion=np.array([1.0, 0.0, 0.0, 0.0]), joints=np.array([-0.45, -0.9]),
         velocity=np.zeros(8),
-    )  # fmt: skip
+    )
     still = Disturbance(force=vec(np.zeros(3)), torque=vec(np.zeros(3)), efforts=(0.0, 0.0))
     observed = pushed_at_the_tip(MODEL, r, still, np.array(force))
     estimate = np.array([*leaves(moving), *leaves(observed)], dtype=float)

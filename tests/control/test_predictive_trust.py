@@ -141,7 +141,7 @@ def hovering(**changed):
         "time": 0.0, "position": Vec3(0.0, 0.0, 1.0), "quaternion": Quaternion(1.0, 0.0, 0.0, 0.0), "velocity": zero,
         "rate": zero, "specific_force": Vec3(0.0, 0.0, 9.81), "joints": (0.0, 0.0), "joint_rates": (0.0, 0.0),
         "rotor_speeds": tuple(float(w) for w in trim.speeds),
-    }  # fmt: skip
+    }
     return Measurement(**(fields | changed))
 
 

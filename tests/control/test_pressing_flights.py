@@ -123,7 +123,7 @@ def hexarotor(force, **entries):
                 }
             ]
         },
-    }  # fmt: skip
+    }
     document["reference"]["base"] |= entries.pop("base", {})
     return scenario_from(document | entries)
 

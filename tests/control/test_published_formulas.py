@@ -197,7 +197,7 @@ def test_the_locked_body_turns_about_its_centre_as_wanted(seed):
     assert thrust == pytest.approx(m * up @ R[:, 2], rel=1e-11)
     alpha = geometric_alpha(controller, state, reference, up)
     J = np.array([twin.momentum(dataclasses.replace(state, velocity=np.concatenate([np.zeros(3), e, np.zeros(2)])))[3:]
-                  for e in np.eye(3)]) @ R  # fmt: skip
+                  for e in np.eye(3)]) @ R
     w, c = state.velocity[3:6], R.T @ (com - state.position)
     expected = J @ alpha + np.cross(w, J @ w) + np.cross(c, [0.0, 0.0, thrust])
     np.testing.assert_allclose(torque, expected, atol=1e-11)

@@ -146,7 +146,7 @@ def driven(along, *, asked=True, seconds=2.0, shift=0.0, force=2.0):
     pressing = Pressing(
         n=Vec3(-1.0, 0.0, 0.0), share=1.0, damping=53.0, engaged=1.0, shift=(0.0, 0.0, 0.0), order=0.0, beyond=0.0,
         force=Vec3(0.0, 0.0, 0.0), kept=1.0, asked=asked,
-    )  # fmt: skip
+    )
     touch = ObservedContact(at=None, pressing=pressing, force=force, along=along, speed=0.1, into=0.0)
     found = (shift, 0.0, 0.0)
     for _ in range(round(seconds / DT)):

@@ -155,7 +155,7 @@ DOCUMENT = {
     "name": "guarded", "duration": 0.2, "plant": {"vehicle": "hummingbird_arm2_rotors"},
     "controller": {"law": "hybrid_computed_torque", "safety": True},
     "reference": {"base": {"kind": "hover", "position": [0.0, 0.0, 1.0]}},
-}  # fmt: skip
+}
 
 
 def guarded(safety=True, **words):

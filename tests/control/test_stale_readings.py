@@ -180,7 +180,7 @@ def test_late_rates_of_sliding_joints_are_corrected_by_the_gains_of_all_periods(
         now = dataclasses.replace(
             blank_measurement(5, 8), velocity=Vec3(*draw.normal(0.0, 0.01, 3)), rate=Vec3(*draw.normal(0.0, 0.01, 3)),
             joints=tuple(draw.normal(size=5)), joint_rates=rates,
-        )  # fmt: skip
+        )
         return observe(model, GAINS, before, now, done, none, started, (1.0,) * 6, DT)
 
     now, _ = step(first_observed(5, command.rotor_speeds, True), (0.1,) * 5, 0.0)

@@ -24,7 +24,7 @@ from skyarm.reference.preview import samples, samples_ahead
 
 LIBRARY = Path(skyarm.__file__).parent
 NOISE = {"position": 1e-3, "velocity": 1e-2, "attitude": 2e-3, "rate": 1e-2, "joints": 1e-3, "joint_rates": 1e-2,
-         "specific_force": 0.05}  # fmt: skip
+         "specific_force": 0.05}
 CLOSE = 1e-6
 
 

@@ -50,7 +50,7 @@ class Twin:
     def __init__(self, whole):
         pin = pytest.importorskip("pinocchio")
         plain = dataclasses.replace(whole, links=tuple(dataclasses.replace(k, joint=dataclasses.replace(
-            k.joint, armature=0)) for k in whole.links))  # fmt: skip
+            k.joint, armature=0)) for k in whole.links))
         self.pin, model = pin, PinocchioTwin(plain).model
         for name, leader, ratio, offset in (
             ("joint3", "joint1", -1.3, 0.2),
@@ -269,7 +269,7 @@ def test_forces_that_carry_loads_are_what_pinocchio_adds_for_them():
     here = dataclasses.replace(
         example_state(3, len(vehicle.rotors)), quaternion=Quaternion(*state.quaternion), joints=tuple(state.joints),
         rate=Vec3(*state.velocity[3:6]), joint_rates=tuple(state.velocity[6:]),
-    )  # fmt: skip
+    )
     forces, motion = load_forces(vehicle, loads, here, base, tuple(acceleration[6:])), PointMotion(vehicle, here)
     total = np.zeros(9)
     for (link, _), each in zip(loads, forces, strict=True):
@@ -278,7 +278,7 @@ def test_forces_that_carry_loads_are_what_pinocchio_adds_for_them():
         total += [*R.apply(pushed.force), *pushed.torque, *efforts]
     moving = [vehicle.moving[link].name if link != BASE else "" for link, _ in loads]
     links = [dataclasses.replace(k, body=k.body.merge(loads[moving.index(k.name)][1])) if k.name in moving else k
-             for k in whole.links]  # fmt: skip
+             for k in whole.links]
     heavy = dataclasses.replace(whole, base=whole.base.merge(loads[0][1]), links=tuple(links))
     before, after = (Twin(each).inverse_dynamics(state, acceleration) for each in (whole, heavy))
     np.testing.assert_allclose(total, after - before, atol=1e-9)

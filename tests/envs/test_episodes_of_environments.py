@@ -175,7 +175,7 @@ def test_an_episode_begins_the_same_wherever_its_beginning_was_made():
     for lanes, numbers in (
         ([0, 1], [0, 3]), ([0, 1], [depth - 1, 3 + depth]), ([1], [4]), ([0, 1], [depth, depth + 4]), ([0], [1]),
         ([1, 0], [depth + 3, depth + 1]), ([0, 1], [0, 2 * depth]),
-    ):  # fmt: skip
+    ):
         found = starts.take(np.array(lanes), np.array(numbers))
         made = starts._compute(seeds[lanes], np.array(numbers))
         assert np.array_equal(found, made.astype(found.dtype))

@@ -212,7 +212,7 @@ class Kept:
 def test_joints_keep_to_their_limits_and_a_law_is_told_what_was_sent(planned):
     par = planned.controller.par
     links = [dataclasses.replace(each, joint=dataclasses.replace(each.joint, effort_limit=0.4, lower=-0.7, upper=1.2))
-             for each in par.model.vehicle.links]  # fmt: skip
+             for each in par.model.vehicle.links]
     vehicle = dataclasses.replace(par.model.vehicle, links=tuple(links))
     model = dataclasses.replace(par.model, vehicle=vehicle)
     own = skyarm.Command(rotor_speeds=(480.0,) * 4, efforts=(0.3, -0.1))

@@ -28,7 +28,7 @@ def take(
     where = factor * UPRIGHT.apply(places)
     cells = [np.hstack([(UPRIGHT * each * UPRIGHT.inv()).as_quat(), where]) for each in turns.values()]
     rows = [f"{k},{late + 0.01 * k:.6f}," + "".join(f"{','.join(map(repr, each[k].tolist()))},0.1," for each in cells)
-            for k in range(len(places))]  # fmt: skip
+            for k in range(len(places))]
     bodies = list(turns)
     return "\n".join([
         f"Format Version,1.23,Take Name,a take,Rotation Type,{kind},Length Units,{unit},Coordinate Space,Global",
@@ -39,7 +39,7 @@ def take(
         GROUPS + GROUPS[1:] * (len(bodies) - 1),
         LAST + LAST[19:] * (len(bodies) - 1),
         *(row.removesuffix(",") for row in rows),
-    ])  # fmt: skip
+    ])
 
 
 def read(folder: Path, text: str) -> FlightData:

@@ -72,7 +72,7 @@ def test_an_inertial_unit_beside_the_origin_is_read_in_base_axes_with_its_place(
     # the topics of ROS have the frame, and the fixed transforms lead from it to the base
     topics = FlightTopics(log)
     found = {each.name: decode(each.kind, topics.definitions, topics.encode(each, log)[1][0].tobytes())
-             for each in topics.topics if each.name in ("/sensors/imu", "/tf_static")}  # fmt: skip
+             for each in topics.topics if each.name in ("/sensors/imu", "/tf_static")}
     assert found["/sensors/imu"]["header"]["frame_id"] == "imu_link"
     assert found["/sensors/imu"]["orientation_covariance"][0] == -1.0
     (at,) = (each for each in found["/tf_static"]["transforms"] if each["child_frame_id"] == "imu_link")

@@ -445,7 +445,7 @@ def test_an_inertial_unit_that_fixed_transforms_turn_is_read_in_base_axes(tmp_pa
         make, found = Messages(store, kind), []
         for child, parent in links.items():
             at = make.make("geometry_msgs/msg/Transform", translation=make.xyz(places[child]),
-                           rotation=make.turn(turns[child].as_quat(scalar_first=True)))  # fmt: skip
+                           rotation=make.turn(turns[child].as_quat(scalar_first=True)))
             header = make.header(START)
             header.frame_id = parent
             each = make.make("geometry_msgs/msg/TransformStamped", header=header, child_frame_id=child, transform=at)

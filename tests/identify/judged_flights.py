@@ -81,7 +81,7 @@ which it is, as some of some dozen are outside by chance.
 """
 
 MAIN = ("base.inertia.xx", "base.inertia.yy", "base.inertia.zz", "base.com.", "place.", "rotors.thrust_coefficient",
-        "rotors.moment_coefficient")  # fmt: skip
+        "rotors.moment_coefficient")
 """Numbers that must be that near; others may be five times as far."""
 
 
@@ -359,7 +359,7 @@ DAMAGED: Mapping[str, Damage] = {
         "quad", lambda flight: flight, (*ROTORS, "mass", "vehicle", "start"), r"weight|mass|lift|another|start vehicle",
         "start that weighs 1.8 times as much", start=_heavier,
     ),
-}  # fmt: skip
+}
 """Damages by name."""
 
 

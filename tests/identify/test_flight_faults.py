@@ -376,7 +376,7 @@ PLANTED = {
         REFUSED,
         "joint_positions: the sign of .* looks turned",
     ),
-}  # fmt: skip
+}
 
 
 def test_a_sound_flight_has_no_fault(sound):
@@ -529,7 +529,7 @@ def test_a_fault_planted_in_a_published_flight_is_named(path, start, name):
         ((3, 2, 1, 0), "the order of the rotors looks reversed|mirrored, left for right"),
         ((2, 3, 0, 1), "the rotors look ordered 3, 4, 1, 2"),
     ],
-)  # fmt: skip
+)
 def test_rotors_of_a_published_flight_in_another_order_are_named(places, words):
     wrong = order("rotor_commands", *places)(logged(CRAZYFLIE_LOG))
     assert re.search(words, "\n".join(each.words for each in find_faults(wrong, crazyflie())))
@@ -545,7 +545,7 @@ def test_rotors_of_a_published_flight_in_another_order_are_named(places, words):
             "lift 0.[23].* times the weight of 'hummingbird_arm2_rotors'",
         ),
     ],
-)  # fmt: skip
+)
 def test_another_vehicle_is_named(sound, start, words):
     assert re.search(words, "\n".join(each.words for each in find_faults(sound, start)))
 

@@ -51,7 +51,7 @@ def identified(name, value, start, *, explained=0.9, reason="", seconds=10.0, wi
         (identified("delay", 0.09, 0.005), "delay: is 0.09 s, longer than any loop's"),
         (identified("delay", 0.01, 0.005, explained=0.001), "rotor commands: explain 0.1 % of the rotation"),
     ],
-)  # fmt: skip
+)
 def test_numbers_that_no_vehicle_has_are_refused(found, words):
     with pytest.raises(ValueError, match=f"^flight.csv: {re.escape(words)}[^\n]*; check [^\n]+$"):
         require_no_refusal(doubtful_numbers(found, START, "flight.csv"))

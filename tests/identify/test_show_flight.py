@@ -86,7 +86,7 @@ def test_of_a_log_that_is_too_short_the_channels_are_shown_and_what_is_needed():
         (("show", "--columns", "c.toml"), "--columns: must be left out without a vehicle or flight"),
         (("show", "none.csv"), "none.csv"),
     ],
-)  # fmt: skip
+)
 def test_options_that_have_no_effect_are_one_line(words, message):
     refused(skyarm(*words), message)
 

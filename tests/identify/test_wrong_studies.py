@@ -34,7 +34,6 @@ OTHER_CLOCK = '[[choices]]\nname = "clock"\noptions = [{ name = "stated" }]\n'
 FRICTION = 'targets = [{ flights = ["*"], path = "plant.vehicle.links.0.joint.damping" }]'
 
 
-# fmt: off
 WRONG = [
     # a text in place of a list is not taken letter by letter
     ('free = ["friction", "late"]\nchoices', 'free = "friction"\nchoices', "fit.free = 'friction': must be a list"),
@@ -95,7 +94,6 @@ WRONG = [
       for value in ('"nan"', '"inf"', '"-0.0"', '"three"', '""', "true", "[1]")),
     (f'{METRICS[0]} = "1.0"', f"{METRICS[0]} = {{ metric = 'x' }}", "measured: is missing"),
 ]
-# fmt: on
 
 
 def test_hostile_studies_are_refused_in_one_line() -> None:
@@ -113,7 +111,7 @@ def test_no_cells_are_no_study() -> None:
     with pytest.raises(IdentificationError, match=r"^small\.toml: flights: must have cells, at least one$"):
         checked_study(b'schema = 1\nname = "s"\nloss = { width = 1.0, knee = 1.0 }\n'
                             b'search = { population = 4, generations = 0 }\n'
-                            b'[[flights]]\nname = "a"\nscenario = "case1"\n', Path(), "small.toml")  # fmt: skip
+                            b'[[flights]]\nname = "a"\nscenario = "case1"\n', Path(), "small.toml")
 
 
 @pytest.mark.parametrize(

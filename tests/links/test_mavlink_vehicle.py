@@ -88,7 +88,7 @@ def test_commands_are_addressed_and_numbered() -> None:
     assert {(m["target_system"], m["target_component"]) for m in commands} == {(7, 1)}
     assert [[m["command"], m["param1"], m["param2"], m["param3"]] for m in commands] == [
         [176, 1, 6, 0], [176, 1, 4, 3], [511, 32, 20_000, 0], [511, 331, 4000, 0], [400, 1, 0, 0],
-    ]  # fmt: skip
+    ]
 
 
 def test_ours_is_system_255_or_what_is_stated_and_1_for_an_unknown_autopilot() -> None:

@@ -62,7 +62,7 @@ def sensing(plant: str = "rigid_body", seconds: float = 0.3) -> skyarm.Scenario:
     scenario = estimated(
         duration=seconds, sensors__gps=GPS, sensors__compass=COMPASS, sensors__wrist=wrist,
         sensors__finger={"kind": "tactile_switch"}, plant__kind=plant,
-    )  # fmt: skip
+    )
     own = {"fix": Fix(rate=20.0, delay=0.01), "altimeter": Altimeter(), "camera": Camera()}
     named = tuple(NamedSensor(name=name, sensor=sensor) for name, sensor in own.items())
     return dataclasses.replace(scenario, sensors=(*scenario.sensors, *named))
@@ -97,7 +97,7 @@ def test_readings_are_held_at_each_sensors_rate_and_as_late_as_they_arrive():
     log, k = flown(), np.arange(60)
     assert list(log.readings) == [
         "imu", "mocap", "encoders", "gps", "compass", "wrist", "finger", "fix", "altimeter", "camera",
-    ]  # fmt: skip
+    ]
     for name, every, late in (("imu", 1, 0), ("mocap", 4, 2), ("encoders", 1, 0), ("gps", 10, 10), ("compass", 10, 0)):
         taken = np.maximum(0, k - late) // every * every
         np.testing.assert_allclose(log.readings[name]["time"], taken / RATE, rtol=0, atol=1e-12)

@@ -107,7 +107,7 @@ def hovering(x: float) -> skyarm.Scenario:
         "name": "one", "duration": 1.0, "environment": {"ground": False},
         "plant": {"vehicle": "hummingbird"}, "controller": {"law": "hybrid_computed_torque", "tuned": True},
         "reference": {"base": {"kind": "hover", "position": [x, 0.0, 1.0]}},
-    }  # fmt: skip
+    }
     one = skyarm.scenario_from(tables)
     return one.with_initial(first_state(one))
 

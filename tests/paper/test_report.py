@@ -195,7 +195,7 @@ def test_details_are_folded_and_what_comes_first_is_not(sources: dict[str, str],
     assert not any("open" in held for tag, held in page.tags if tag == "details")
     assert (sum(tag == "details" for tag, _ in page.tags) >= 4) == (name == MAIN)
     unfolded = re.sub(r"<details>.*?</details>", "", re.sub(r"<script.*?</script>", "", sources[name], flags=re.DOTALL),
-                      flags=re.DOTALL)  # fmt: skip
+                      flags=re.DOTALL)
     while "<details>" in unfolded:
         unfolded = re.sub(r"<details>(?:(?!<details>).)*?</details>", "", unfolded, flags=re.DOTALL)
     # a row takes 27 px or two lines of 44: what is open fits into some screens of 800
@@ -324,7 +324,7 @@ def test_a_plant_that_was_not_flown_is_dashes_not_an_error() -> None:
 
 def test_static_figures_stand_with_their_case_and_have_alternative_text(pages: dict[str, Page]) -> None:
     images = {name: [str(held["alt"]).split(".")[0] for tag, held in page.tags if tag == "img"] for name, page in
-              pages.items()}  # fmt: skip
+              pages.items()}
     assert images.pop("case1.html")[2:] == ["Figure 3", "Figure 4", "Figure 5"]
     assert images.pop(MAIN) == ["a path & an error"]
     assert images.pop("case3.html")[2].endswith("path of the tip, desired and flown, on rigid_body")

@@ -26,7 +26,7 @@ def ipopt(stage: CompiledStage, problem: PlanProblem, guess: Guess, seconds: flo
     goals = [error for name in stage.goal for error in values.goals[name]]
     limits = [value for _, value in (*values.inputs, *values.limits)]
     outputs = [ca.vertcat(*gap(values.end, entries(following))), 0.5 * ca.sumsqr(ca.vertcat(*values.costs)),
-               ca.vertcat(*goals), ca.vertcat(*limits)]  # fmt: skip
+               ca.vertcat(*goals), ca.vertcat(*limits)]
     function = ca.Function("stage", [x, u, following, row], outputs)
     count = len(guess.u)
     X = [ca.MX.sym(f"x{k}", stage.nx) for k in range(count + 1)]

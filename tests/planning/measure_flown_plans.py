@@ -127,7 +127,7 @@ def study_of(law: str, flights: int) -> dict[str, Any]:
     return {
         "schema": 1, "name": f"caught_{law}", "scenario": str(file.resolve()), "episodes": flights, "seed": 1,
         "metrics": ["object_last_x", "object_last_z"], "vary": vary, "chunk": 50,
-    }  # fmt: skip
+    }
 
 
 def ends(law: str, flights: int) -> np.ndarray:

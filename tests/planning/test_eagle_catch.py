@@ -127,7 +127,7 @@ def test_the_smallest_distance_of_a_plan_is_that_of_mujoco() -> None:
         spec.body(vehicle.links[shape.body].name).add_geom(
             name=shape.name, type=mujoco.mjtGeom.mjGEOM_CAPSULE, size=[shape.size[0], 0.5 * shape.size[1], 0.0],
             pos=shape.position, quat=turn, mass=0.0,
-        )  # fmt: skip
+        )
     spec.worldbody.add_geom(name="ball", type=mujoco.mjtGeom.mjGEOM_SPHERE, size=[size, 0, 0], pos=place)
     model = spec.compile()
     data, (addresses, _) = mujoco.MjData(model), joint_addresses(vehicle, model)

@@ -182,7 +182,7 @@ def test_residuals_of_a_planned_state_are_errors_from_it_at_any_tilt(axis: int) 
     goal = dataclasses.replace(
         goal, position=Vec3(*position), joints=joints,
         planned=dataclasses.replace(goal.planned, attitude=Quaternion(*q[0]), rate=Vec3(1.0, 2.0, 3.0)),
-    )  # fmt: skip
+    )
     state = dataclasses.replace(
         state, position=Vec3(*position), quaternion=Quaternion(*q[1]), joints=joints, rate=Vec3(1.0, 2.0, 3.5)
     )

@@ -75,7 +75,7 @@ AT_ONCE: dict[str, tuple[dict[str, Any], str]] = {
         {"obstacles": [box([0.0, 0.0, 0.4], [0.1, 0.1, 0.7])]},
         "start: link/link_2/wrist and obstacle0 overlap by ",
     ),
-}  # fmt: skip
+}
 """What start and goals alone say."""
 
 
@@ -99,7 +99,7 @@ SEARCHED: dict[str, tuple[dict[str, Any], str, str]] = {
         {"phases__2__to": {"base": [2.0, 0.0, 1.5], "attitude": [0.5, 0.0, 0.0], "rest": True}},
         "phases[2] 'away'", "is off by",
     ),
-}  # fmt: skip
+}
 """What the search says: the phase, and words of the constraint."""
 
 

@@ -145,7 +145,7 @@ def test_limits_that_bind_and_some_that_do_not() -> None:
         lambda w: 0.5 * w @ H @ w, np.zeros(len(H)), jac=lambda w: H @ w, method="SLSQP",
         constraints=[{"type": "eq", "fun": lambda w: C @ w - d, "jac": lambda _: C}, {"type": "ineq", "fun": inside}],
         options={"maxiter": 500, "ftol": 1e-12},
-    )  # fmt: skip
+    )
     assert oracle.success
     active = inside(oracle.x) < 1e-7
     assert 0 < active.sum() < active.size
@@ -250,7 +250,7 @@ def test_merit_is_the_augmented_lagrangian_and_the_weighted_gaps() -> None:
     at = _Values(
         gap=rng.normal(size=(2, 3, 5)), costs=rng.normal(size=(2, 4, 6)), goals=rng.normal(size=(2, 4, 2)) * goals,
         limits=np.where(limits, rng.normal(size=(2, 4, 3)), LAX),
-    )  # fmt: skip
+    )
     y, z, rho, weight = rng.normal(size=(4, 2)), np.abs(rng.normal(size=(4, 3))) * limits, 7.0, 3.0
     expected = []
     for lane in range(2):

@@ -52,7 +52,7 @@ def test_the_straight_way_is_the_only_one_where_it_is_free() -> None:
 @pytest.mark.parametrize(("place", "size", "turn"), [
     ([0.0, 0.0, 1.0], [0.4, 4.0, 1.0], 0.0), ([0.3, -0.5, 0.5], [0.3, 2.0, 4.0], 0.5),
     ([0.0, 0.0, 1.0], [1.0, 1.0, 1.0], 0.3),
-])  # fmt: skip
+])
 def test_ways_around_a_box_are_free_and_short(place: list[float], size: list[float], turn: float) -> None:
     obstacle = surface(box(place, size, angles=[0.0, 0.0, turn]))
     straight, *around = ways_around([obstacle], START, GOAL, REACH)
@@ -74,7 +74,7 @@ def test_a_way_leads_through_a_window() -> None:
     walls = [
         ([0.0, 15.5 + 0.45 - 0.5, 1.0], [0.2, 30.0, 60.0]), ([0.0, -15.45, 1.0], [0.2, 30.0, 60.0]),
         ([0.0, 0.0, 1.0 + 15.45 + 1.0], [0.2, 1.0, 30.0]), ([0.0, 0.0, 1.0 - 15.45 + 1.0], [0.2, 1.0, 30.0]),
-    ]  # fmt: skip
+    ]
     obstacles = [surface(box(place, size, name=f"wall{k}")) for k, (place, size) in enumerate(walls)]
     start, goal = np.array([-1.5, -0.8, 0.6]), np.array([1.5, 0.5, 0.4])
     _, *around = ways_around(obstacles, start, goal, REACH)
@@ -102,7 +102,7 @@ def test_distances_of_points_from_the_nearest_obstacle() -> None:
     ball = surface({"name": "ball", "shape": "sphere", "size": [0.5], "position": [0.0, -1.0, 0.0]})
     expected = np.minimum.reduce([
         *(from_box(points, *each) for each in boxes), np.linalg.norm(points - [0.0, -1.0, 0.0], axis=-1) - 0.5,
-    ])  # fmt: skip
+    ])
     np.testing.assert_allclose(free_distance([*obstacles, ball], points), expected, atol=1e-9)
     assert (free_distance((), points) == np.inf).all()
 

@@ -175,7 +175,7 @@ def test_a_joint_rebounds_from_a_drawn_stop_as_solve_ivp_says(plant_of, drawn):
     exact = solve_ivp(
         slope, (0.0, 0.2), [start, speed], "LSODA", rtol=1e-9, atol=1e-12, max_step=2e-4, events=leaves_stop,
         dense_output=True,
-    )  # fmt: skip
+    )
     periods = math.ceil(min([*exact.t_events[0], 0.195]) / 0.005)
     plant = plant_of(Truth(vehicle=vehicle, gravity=0.0), STILL, "rk4", 0.001)
     still = (0.0,) * len(vehicle.rotors)

@@ -45,7 +45,7 @@ def moving(vehicle, seed=3):
         velocity=Vec3(*rng.normal(size=3)), rate=Vec3(*rng.normal(size=3)),
         joints=tuple(rng.uniform(-0.5, 0.5, vehicle.n)), joint_rates=tuple(rng.normal(size=vehicle.n)),
         rotor_speeds=(400.0,) * len(vehicle.rotors),
-    )  # fmt: skip
+    )
 
 
 def around(caught=(0.0, 0.0), held=(1.0, 1.0), stuck=None, n=6, rotors=6):
@@ -159,7 +159,7 @@ def test_a_stuck_joint_moves_as_a_weld(vehicle):
     for name, i in zip(rest, keep, strict=True):
         data.qpos[model.joint(name).qposadr[0]], data.qvel[model.joint(name).dofadr[0]] = (
             still.joints[i], still.joint_rates[i],
-        )  # fmt: skip
+        )
     mujoco.mj_forward(model, data)
     free = vehicle.with_joints(damping=0, coulomb=0)
     bare = tuple(dataclasses.replace(r, drag_coefficient=0, rolling_moment_coefficient=0) for r in free.rotors)

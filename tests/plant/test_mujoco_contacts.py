@@ -38,7 +38,7 @@ TABLE = Surface(name="table", shape="box", size=(0.6, 0.6, 0.5), position=Vec3(0
 BELT = Surface(
     name="belt", shape="box", size=(2.0, 2.0, 0.5), position=Vec3(0.0, 5.0, 0.75), material=Material(friction=0.6),
     motion=SignalVector(x=Sine(amplitude=0.1, frequency_hz=0.5)),
-)  # fmt: skip
+)
 
 
 def box(name, x, y, z, side=0.06, **numbers):
@@ -54,14 +54,14 @@ OBJECTS = (
     FreeObject(name="can", shape="cylinder", size=(0.03, 0.1), mass=0.1, position=Vec3(0.0, 3.0, 0.55)),
     box("rider", 0.0, 5.0, 1.02995),
     box("load", -3.0, 0.0, 1.04),
-)  # fmt: skip
+)
 
 
 SOFT = Surface(name="plate", shape="box", size=(0.2, 0.2, 0.02), material=Material(stiffness=1000.0))
 PLATE = Mechanism(
     name="scales", kind="slide", axis=(0.0, 0.0, 1.0), position=(-3.0, 0.0, 1.0), mass=0.05,
     stiffness=200.0, damping=5.0, parts=(SOFT,),
-)  # fmt: skip
+)
 
 
 @pytest.fixture(scope="module")
@@ -256,7 +256,7 @@ def test_a_grasp_is_ours_and_pulls_both_with_one_force():
     held = FreeObject(
         name="held", size=(0.06, 0.02, 0.02), mass=0.03, com=Vec3(0.01, 0.0, 0.002), angles=Vec3(0.0, 0.0, 0.2),
         position=tip - Vec3(0.02, 0.0, 0.012), velocity=Vec3(0.0, 0.05, -0.05),
-    )  # fmt: skip
+    )
     ours = Contact(objects=(held,), grippers=(Gripper(name="magnet", frame="tip"),))
     theirs = plant_contact(ours)
     grips = ours.act(ours.start(0.005, ()), 0.0, 0.005, motion).grips

@@ -96,7 +96,7 @@ def test_a_constraint_has_the_stiffness_and_damping_of_its_grasp_in_every_postur
     state = dataclasses.replace(
         own.state, joints=tuple(map(float, joints)), joint_rates=tuple(map(float, rng.standard_normal(joints.size))),
         rate=Vec3(*map(float, rng.standard_normal(3))), velocity=Vec3(*map(float, rng.standard_normal(3))),
-    )  # fmt: skip
+    )
     # the box stays near the tip, a little off and a little turned
     tip = scenario.agent.plant.vehicle.frame(None)
     motion = PointMotion(scenario.agent.plant.vehicle, state)
@@ -115,7 +115,7 @@ def test_a_constraint_has_the_stiffness_and_damping_of_its_grasp_in_every_postur
         memory.carried[0],
         attitude=Quaternion(*map(float, quaternion)), position=Vec3(*map(float, place - attitude @ arm)),
         velocity=Vec3(*map(float, rng.standard_normal(3))), rate=Vec3(*map(float, rng.standard_normal(3))),
-    )  # fmt: skip
+    )
     inputs = leaves(around.with_coupled((dataclasses.replace(memory, carried=(box,)),)))
     plant.specific_force(tuple(leaves(state)), (0.0,) * len(leaves(own.queue[0])), tuple(inputs))
     model, data = plant.model, plant._data

@@ -104,7 +104,7 @@ def test_gyroscopic_and_centrifugal_terms_are_of_second_order():
 def test_a_body_that_nothing_pushes_turns_as_eulers_equations_say():
     """Against SciPy; the torques of a moment of time late it would be off by the first power of the step."""
     box = FreeObject(name="box", size=(0.2, 0.1, 0.04), mass=0.3, position=Vec3(0.0, 0.0, 9.0),
-                     angular_velocity=Vec3(3.0, 4.0, 2.0))  # fmt: skip
+                     angular_velocity=Vec3(3.0, 4.0, 2.0))
     moments = np.array([float(c) for c in box.moments])
     true = solve_ivp(lambda _t, w: -np.cross(w, moments * w) / moments, (0.0, 0.2), [3.0, 4.0, 2.0], rtol=1e-11).y[
         :, -1
@@ -122,7 +122,7 @@ def test_a_body_that_nothing_pushes_turns_as_eulers_equations_say():
 def test_a_surface_that_moves_is_where_it_is_in_the_middle_of_a_step():
     """One step of a body at rest: the push is k d h / m of the depth half a step later."""
     floor = Surface(name="floor", motion=SignalVector(z=Sine(amplitude=0.01, frequency_hz=2.0)),
-                    material=Material(stiffness=2000.0, dissipation=0.0, friction=0.0))  # fmt: skip
+                    material=Material(stiffness=2000.0, dissipation=0.0, friction=0.0))
     h, told = 1e-3, around(floor, points=UNDER)
     after, (memory,) = fly(coupled_verlet, BIRD, at_rest(BIRD, (0.0, 0.0, 0.115)), told, h, 1, 0.0)
     depth = 0.005 + 0.01 * math.sin(4.0 * math.pi * 0.5 * h)
@@ -161,7 +161,7 @@ def test_bristles_bend_by_the_slip_of_a_step_and_a_body_beside_the_vehicle_falls
 def test_a_quick_touch_pushes_both_bodies_by_the_same_mean_over_the_way():
     """A vehicle 0.06 mm above a box at 1 m/s: in the bend of the force what one loses, the other gets."""
     box = FreeObject(name="box", size=(0.1, 0.1, 0.1), mass=0.3, position=Vec3(0.0, 0.0, -0.17006),
-                     material=Material(friction=0.0))  # fmt: skip
+                     material=Material(friction=0.0))
     contact = Contact(points=UNDER, objects=(box,))
     told = Surroundings(components=(contact,), memories=(contact.start(0.005, ()),))
     start = at_rest(BIRD, (0.0, 0.0, 0.0), velocity=Vec3(0.0, 0.0, -1.0))
@@ -243,7 +243,7 @@ def test_a_lane_s_step_is_the_shortest_that_any_method_asks_for():
 
 def test_lanes_are_compared_by_the_shorter_of_both_methods_steps():
     grip = Contact(objects=(FreeObject(name="box", size=(0.06,) * 3, mass=0.1),),
-                   grippers=(Gripper(name="hand", damping_ratio=1.5),))  # fmt: skip
+                   grippers=(Gripper(name="hand", damping_ratio=1.5),))
     told = plant(BIRD, grip)[1]
     assert lanes_step(together(told), euler=False) == float(grip.largest_verlet_step) < float(grip.largest_step)
     assert lanes_step(together(told), euler=True) == float(grip.largest_euler_step)

@@ -21,15 +21,15 @@ def test_every_hook_is_local_and_of_the_version_that_make_lint_runs() -> None:
     assert pins
     assert set(pins) <= set(held)
     assert all(hook["language"] == "pygrep" or hook["entry"].startswith(".venv/bin/") or hook["additional_dependencies"]
-               for hook in HOOKS.values())  # fmt: skip
+               for hook in HOOKS.values())
 
 
 def test_the_hooks_run_what_make_lint_runs() -> None:
     recipe = "".join(re.findall(r"^(?:lint|types):.*\n((?:\t.*\n)+)", (ROOT / "Makefile").read_text("utf-8"), re.M))
     lint = {line.split("/")[1].replace(" --check src tests research", "").replace(" src tests research", "") for line in
-            recipe.replace("$(BIN)", "B").split("\n") if line}  # fmt: skip
+            recipe.replace("$(BIN)", "B").split("\n") if line}
     hooks = {hook["entry"].removeprefix(".venv/bin/").removesuffix(" --force-exclude")
-             for hook in HOOKS.values() if hook["language"] != "pygrep"}  # fmt: skip
+             for hook in HOOKS.values() if hook["language"] != "pygrep"}
     assert hooks == lint == {"ruff check", "ruff format", "mypy", "lint-imports"}
     assert {HOOKS[name]["files"] for name in ("ruff", "ruff-format")} == {"^(src|tests|research)/"}
 

@@ -97,10 +97,10 @@ def test_printed_lines_have_the_words_of_the_textbook() -> None:
 
 
 def first_lines(tree: ast.Module) -> Iterator[tuple[int, str]]:
-    """Line number and first line of every docstring of a module."""
+    """Line number and summary (first paragraph, as one line) of every docstring of a module."""
     for node in ast.walk(tree):
         if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef) and (text := ast.get_docstring(node)):
-            yield node.body[0].lineno, text.split("\n")[0]
+            yield node.body[0].lineno, " ".join(text.partition("\n\n")[0].split())
 
 
 def functions(tree: ast.Module) -> set[str]:

@@ -241,7 +241,7 @@ HERE = {Path(__file__).name: sha(Path(__file__))}
     [mine, Mine, Mine(), Child(1.0, 2.0, 3.0), [{"a": (mine,)}], functools.partial(load_plugin, mine),
      functools.partial(print, key=mine), functools.lru_cache(mine), closed(mine), lambda: 0,
      shipped_around(mine), {1: frozenset([mine])}],
-)  # fmt: skip
+)
 def test_own_code_is_found_wherever_it_stands(thing: object) -> None:
     assert own_files(thing) == HERE
 

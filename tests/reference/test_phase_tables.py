@@ -260,7 +260,7 @@ GUARD = {"kind": "hold", "duration": 1.0}
         ([PRESS | {"until": {"force": 1.0, "force_below": 0.5}}], "until.force_below = 0.5: must be above force"),
         ([{"kind": "grasp", "payload": ""}], "phases[0].payload = '': must be the name of a payload"),
     ],
-)  # fmt: skip
+)
 def test_a_phase_that_cannot_be_gets_one_line(phases, message):
     with pytest.raises(ValueError) as caught:  # noqa: PT011
         read(*phases)

@@ -23,7 +23,7 @@ WITHIN = "must be finite numbers, from -1e+06 to 1e+06"
 def arrays(**changes: Any) -> dict[str, Any]:
     """Arrays of a plan's file: every signal a smooth function of its own."""
     columns = {name: np.stack([np.sin(TIMES + k + 3 * j) for k in range(3)], axis=1)
-               for j, name in enumerate(("position", "center", "tip"))}  # fmt: skip
+               for j, name in enumerate(("position", "center", "tip"))}
     columns |= {
         name: np.stack([np.cos(TIMES * k) for k in range(1, 5)], axis=1) for name in ("quaternion", "rotor_speeds")
     }

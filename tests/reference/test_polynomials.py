@@ -36,7 +36,7 @@ def test_no_other_derivatives_at_the_inner_points_cost_less():
             pair = make_interp_spline(
                 TIMES[i : i + 2], VALUES[i : i + 2], k=7,
                 bc_type=([(k, ends[i, k]) for k in (1, 2, 3)], [(k, ends[i + 1, k]) for k in (1, 2, 3)]),
-            )  # fmt: skip
+            )
             nodes, weights = np.polynomial.legendre.leggauss(8)
             half = 0.5 * (TIMES[i + 1] - TIMES[i])
             total += half * (weights * pair(TIMES[i] + half * (nodes + 1.0), 4) ** 2).sum()

@@ -112,7 +112,7 @@ def test_case_1_ramps_holds_and_returns():
     for t, value in {
         0.0: 0.0, 6.0: 0.0, 6.5: 0.15, 7.0: 0.3, 10.0: 0.3, 12.0: 0.3, 12.5: 0.15, 13.0: 0.0, 13.5: -0.15, 14.0: -0.3,
         18.99: -0.3, 19.0: -0.3, 19.5: -0.15, 20.0: 0.0, 30.0: 0.0,
-    }.items():  # fmt: skip
+    }.items():
         assert CASE1.derivatives(t)[0] == pytest.approx(value, abs=1e-15)
         smooth = CASE1_SMOOTH.derivatives(t)[0]
         assert smooth == pytest.approx(value, abs=1e-15)  # the blend is symmetric: it meets the ramp half way

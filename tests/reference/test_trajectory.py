@@ -191,7 +191,7 @@ def test_every_name_of_a_circle_leads_to_numbers_of_its_signals():
         word: [reduce(lambda at, part: at[int(part)] if part.isdigit() else getattr(at, part), place, CASE3)
                for place in names[word]]
         for word in ("radius", "frequency_hz", "start", "stop")
-    }  # fmt: skip
+    }
     # of x and y; a beginning twice, as the window's and as the sine's delay
     assert found == {"radius": [0.3] * 2, "frequency_hz": [0.08] * 2, "start": [6.0] * 4, "stop": [21.0] * 2}
     centre = [names["center"][axis] for axis in "xyz"]

@@ -106,7 +106,7 @@ PARTS: Mapping[str, Any] = {
     "environment.ground": False,
     "estimator": "pass_through",
     "endings": [{"kind": "ground"}],
-}  # fmt: skip
+}
 """Parts of a scenario, each of which is replaced by itself in the one that has every table."""
 
 

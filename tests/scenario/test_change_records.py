@@ -97,7 +97,7 @@ def at(time: float, path: str, value: Any) -> dict[str, Any]:
         (at(0.1, "reference.joints", [0.1]), r"changes\[0\]: reference.joints = 1 signals: must be a list of 2"),
         (at(0.1, "reference.base", {"kind": "circel"}), r"changes\[0\]: reference.base.kind = 'circel': did you mean"),
     ],
-)  # fmt: skip
+)
 def test_a_wrong_change_is_one_line(change: Any, words: str) -> None:
     with pytest.raises(ScenarioError, match=f"^{words}") as caught:
         changing(change)
@@ -398,4 +398,4 @@ def test_files_of_a_change_are_beside_the_scenario(tmp_path: Path) -> None:
     (read,) = readers.changes([at(0.5, "reference", value)], "changes", reading)
     assert read.table == {
         "kind": "plan", "file": str(tmp_path / "plan.npz"), "bodies": [{"mesh": str(tmp_path / "box.stl")}]
-    }  # fmt: skip
+    }

@@ -16,7 +16,7 @@ DOCUMENT = {
     "name": "x", "duration": 0.1, "plant": {"vehicle": "hummingbird_arm2_rotors"},
     "controller": {"law": "hybrid_computed_torque"},
     "reference": {"base": {"kind": "hover", "position": [0.0, 0.0, 1.0]}},
-}  # fmt: skip
+}
 
 
 def begun(initial, **tables):

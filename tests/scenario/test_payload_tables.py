@@ -47,7 +47,7 @@ def with_parcel(**numbers):
         "name": "x", "duration": 1.0, "plant": {"vehicle": "hummingbird_arm2_rotors"},
         "controller": {"preset": "centroidal_tip"}, "payloads": [parcel],
         "reference": {"base": {"kind": "hover", "position": [0.0, 0.0, 1.0]}},
-    }  # fmt: skip
+    }
     return scenario_from(document)
 
 
@@ -124,7 +124,7 @@ def test_a_wrong_payload_is_one_line(table, words):
     document = {
         "name": "x", "duration": 8.0, "plant": {"vehicle": "hummingbird_arm2_rotors"},
         "controller": {"preset": "centroidal_joint"}, "payloads": [table],
-    }  # fmt: skip
+    }
     with pytest.raises(ValueError, match="^" + words.replace(r"\.0", r"\[0\]", 1)) as error:
         scenario_from(document, "test")
     assert "\n" not in str(error.value)
@@ -155,7 +155,7 @@ def test_a_wrong_force_is_one_line(table, words):
     document = {
         "name": "x", "duration": 8.0, "plant": {"vehicle": "hummingbird_arm2_rotors"},
         "controller": {"preset": "centroidal_joint"}, "environment": {"forces": [table]},
-    }  # fmt: skip
+    }
     with pytest.raises(ValueError, match="^" + words.replace(r"\.0", r"\[0\]", 1)) as error:
         scenario_from(document, "test")
     assert "\n" not in str(error.value)
@@ -166,7 +166,7 @@ def test_two_payloads_of_one_name_are_one_line():
         "name": "x", "duration": 8.0, "plant": {"vehicle": "hummingbird_arm2_rotors"},
         "controller": {"preset": "centroidal_joint"},
         "payloads": [{"mass": 0.1, "pick": 1, "name": "a"}, {"mass": 0.2, "pick": 2, "name": "a"}],
-    }  # fmt: skip
+    }
     with pytest.raises(ValueError, match=r"^payloads\[0\]\.name = 'a': must be of one payload only$"):
         scenario_from(document, "test")
 
@@ -178,7 +178,7 @@ def test_a_load_that_comes_in_flight_beside_a_stated_one_is_said(root, frame):
         "name": "x", "duration": 1.0, "plant": vehicle, "model": vehicle, "controller": {"preset": "centroidal_joint"},
         "reference": {"base": {"kind": "hover", "position": [0.0, 0.0, 1.0]}},
         "changes": [{"at": 0.5, "path": path, "value": 0.1}],
-    }  # fmt: skip
+    }
     alone = scenario_from(document)  # and no warning
     heavy = {root: vehicle | {"payload": {"mass": 0.3, **frame}}}
     with pytest.warns(TwoLoadsWarning, match=rf"^{path}: is a load beside {root}\.payload\.mass = 0\.3, which it"):

@@ -19,7 +19,7 @@ JUNK: tuple[Any, ...] = (
     math.nan, math.inf, -math.inf, "", "x", "rk4", "mujoco", "hummingbird", "tip", "line\nbreak", "a/b", "\0",
     "\u00fc" * 300, [], [[]], [1], [1.0, 2.0], [0.0, 0.0, 1.0], [math.nan] * 3, ["a", "b", "c"], [1e308] * 4, [None],
     [[1.0, 0.3]], [{}], {}, {"kind": "sine"}, {"kind": "hover"}, {"mode": "moving_air"}, {"": 1}, {"mass": 1e308}, b"x",
-)  # fmt: skip
+)
 
 
 def _places(node: Any) -> list[tuple[Any, Any]]:

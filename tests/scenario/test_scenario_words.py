@@ -52,7 +52,7 @@ def test_a_scenario_is_made_of_words_or_of_groups() -> None:
     words = Scenario(
         name="x", duration=1.0, plant=GIVEN.plant, controller=GIVEN.controller, reference=GIVEN.reference, wind=WIND,
         kind="mujoco",
-    )  # fmt: skip
+    )
     assert words == grouped
     assert Scenario(name="x", duration=1.0, agent=agent, wind=WIND, kind="mujoco") == grouped
 

@@ -18,7 +18,7 @@ DOCUMENT = {
     "sensors": {"gps": {"kind": "position", "position": {
         "sigma": 0.0, "bias": [1.0, 0.0, 0.0],
         "offset": [{"kind": "ramp", "start": 1.0, "duration": 2.0, "height": 0.4}, 0, -0.1]}}},
-}  # fmt: skip
+}
 
 
 def test_a_reading_is_off_by_the_signals_at_its_instant():

@@ -345,13 +345,13 @@ def test_time_aloft_is_the_integral_and_ends_where_the_voltage_does():
         ("open_circuit = { charge = [0, 1.0], voltage = [4.0, 3.0] }", r"voltage\[1\] = 3\.0: must be above the one"),
         ("volts = 3.0", r"battery\.volts = 3\.0: unknown field; allowed: cells, capacity"),
     ],
-)  # fmt: skip
+)
 def test_a_battery_that_is_none_is_refused_in_one_line(tmp_path, change, words):
     rows = {
         "cells": "cells = 4", "capacity": "capacity = 2.0", "resistance": "resistance = 0.05",
         "reference_voltage": "reference_voltage = 14.8",
         "open_circuit": "open_circuit = { charge = [0.0, 1.0], voltage = [3.3, 4.2] }",
-    }  # fmt: skip
+    }
     rows[change.split(" ", maxsplit=1)[0]] = change
     text = (
         (DATA / "servo_arm.toml")

@@ -93,7 +93,7 @@ WRONG: dict[str, tuple[type, dict[str, Any], str]] = {
                         "= -1: must be a whole number from 0 to 10000"),
     "far too many": (skyarm.Air, {"uniforms": 10_000_000, "velocity": lambda self, memory, t, place: Vec3(0, 0, 0)},
                      "has uniforms = 10000000: must be a whole number from 0 to 10000"),
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize("name", WRONG)
@@ -222,7 +222,7 @@ PLUGINS = {
                ":3: log_format 'mine': is write: must be skyarm.LogFormat(write, read)"),
     "write": ('def write(log): return log\n\nskyarm.register.log_format("mine")(skyarm.LogFormat(write))',
               ":3: log_format 'mine': cannot be called as write(log, path)"),
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize("name", PLUGINS)
@@ -245,7 +245,7 @@ WRONG_RESULTS: dict[str, tuple[str, dict[str, Any], str]] = {
     "fault": ("class Mine(skyarm.Fault):\n    def share(self, t): return (1.0,)",
               {"environment": {"faults": [{"kind": "mine", "rotor": "front", "effectiveness": 0.9}]}},
               "environment.faults[0] (Mine.share) gives a share[0]: must be a share"),
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize("name", WRONG_RESULTS)

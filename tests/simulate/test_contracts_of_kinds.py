@@ -88,7 +88,7 @@ WRONG = {
                "memory is a number, must stay a tuple of 1"),
     "argument": ("tank", lambda self, memory, dt, rotor_speeds: object.__setattr__(self, "seen", 1) or memory,
                  "writes to its argument 'self'", "must return new records"),
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize("name", WRONG)
@@ -154,7 +154,7 @@ RESULTS = {
     "advance": ("drive", {"effort": lambda self, memory, setpoint, position, rate: setpoint,
                           "advance": lambda self, memory, setpoint, position, rate, dt: (position,)},
                 "changes the structure of its memory"),
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize("name", RESULTS)

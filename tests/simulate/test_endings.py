@@ -127,7 +127,7 @@ def test_the_lowest_point_is_the_tip_of_a_hanging_arm_and_a_rotor_when_inverted(
     at = {
         "position": Vec3(0.0, 0.0, 2.0), "velocity": Vec3(0.0, 0.0, 0.0), "rate": Vec3(0.0, 0.0, 0.0),
         "joint_rates": (0.0, 0.0), "rotor_speeds": (0.0,) * 4,
-    }  # fmt: skip
+    }
     level, inverted = Quaternion(1.0, 0.0, 0.0, 0.0), Quaternion(0.0, 1.0, 0.0, 0.0)
     assert lowest_point(vehicle, State(quaternion=level, joints=(0.0, 0.0), **at)) == pytest.approx(1.7)
     assert lowest_point(vehicle, State(quaternion=level, joints=(math.pi / 2, 0.0), **at)) == pytest.approx(2.0)

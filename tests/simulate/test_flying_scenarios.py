@@ -189,7 +189,7 @@ def test_noisy_sensors_fly_and_are_worse_than_perfect_ones() -> None:
     noise = {
         "position": 0.005, "velocity": 0.02, "attitude": 0.005, "rate": 0.02,
         "joints": 0.002, "joint_rates": 0.02, "specific_force": 0.1, "rotor_speeds": 2.0,
-    }  # fmt: skip
+    }
     noisy = run(scenario_from(document("case2", duration=10.0, sensors=noise, seed=5)))
     perfect = run(load_scenario("case2", duration=10.0))
     assert noisy.status == "completed"

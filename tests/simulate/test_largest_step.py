@@ -195,7 +195,7 @@ def test_halved_steps_converge_with_the_order_of_the_method():
         around = Surroundings(
             components=(WindSample(), push), memories=((), ()), drives=(Servo(stiffness=20.0, damping=0.02),) * 2,
             drive_memories=((), ()),
-        )  # fmt: skip
+        )
         return np.array(RigidBodyPlant(vehicle, around).advance(start, command, tuple(leaves(around)), 0.005))
 
     exact = after(0.005 / 256)
@@ -332,7 +332,7 @@ def test_a_share_of_the_step_is_that_many_divisions_whatever_the_rounding(count)
 
 def test_a_sweep_takes_the_shortest_step_of_all_that_it_draws():
     paths = {"plant.drives.joint1.stiffness": 100.0, "plant.drives.joint1.damping": 0.08,
-             "plant.drives.joint2.damping": 0.3}  # fmt: skip
+             "plant.drives.joint2.damping": 0.3}
     document = {"schema": 1, "name": "stiff", "scenario": "case1", "episodes": 4, "metrics": ["position_error_max"]}
     document["vary"] = {"plant.payload.mass": {"uniform": [0.0, 0.01]}}
     study = study_from(document)

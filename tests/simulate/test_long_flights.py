@@ -101,7 +101,7 @@ def test_files_and_facts_are_those_of_a_flight_in_memory(
     assert str(facts(file)) == str(expected)
     assert str(summary(file, expected)) == str(summary(memory, expected))
     assert {path.name for path in tmp_path.iterdir()} == {f"{a}.{b}" for a in ("file", "memory") for b in
-                                                          ("npz", "csv", "mcap")}  # fmt: skip
+                                                          ("npz", "csv", "mcap")}
 
 
 def test_pieces_of_any_length_give_the_same_text(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

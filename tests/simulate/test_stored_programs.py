@@ -181,5 +181,5 @@ def test_a_program_with_numbers_is_traced_with_them():
     for _ in range(2):
         assert EpisodeCode(scenario).loop.parameters == 0
         code = EpisodeCode(scenario, lambda values: with_numbers(scenario, {"plant.gravity": values[0]}),
-                           (9.81,), key=key)  # fmt: skip
+                           (9.81,), key=key)
         assert code.loop.parameters == 1

@@ -179,7 +179,7 @@ def test_laws_that_say_nothing_have_the_limits_of_their_members_in_the_log():
     state = State(
         position=zero, quaternion=Quaternion(1.0, 0.0, 0.0, 0.0), velocity=zero, rate=zero,
         joints=(0.0, 0.6, -1.0, 0.0, 0.5, 0.0), joint_rates=(0.0,) * 6, rotor_speeds=(0.0,) * 6,
-    )  # fmt: skip
+    )
     most = largest_load(PointMotion(model, state, gravity=9.81))
     loop = SimpleNamespace(memory=scenario.agents["left"].controller.memory, state=state)
     found = Stages(scenario)._borne("left", loop, motion, told=False)

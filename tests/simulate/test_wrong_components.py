@@ -153,7 +153,7 @@ WRONG: dict[str, tuple[Any, str, Any]] = {
     "other sensors": (with_(estimator=Satellites(), sensors=(NamedSensor(name="fix", sensor=FIX),)),
                       "estimator (Satellites) reads sensor 'gps', which the scenario lacks: there are state, fix",
                       "# here reads"),
-}  # fmt: skip
+}
 
 
 def line_of(place: Any) -> int:

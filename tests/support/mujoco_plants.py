@@ -327,7 +327,7 @@ class WorldBuilder:
         return bodies[body_name(vehicle, body)].add_geom(
             name=f"point {index}", type=SHAPES["sphere"], size=[max(float(point.radius), POINT), 0.0, 0.0],
             pos=_array(place), contype=0, conaffinity=0, group=3,
-        )  # fmt: skip
+        )
 
     def _add_surface(self, surface: Surface) -> Any:
         """A surface of the world: a shape of its own, or of a body with three slides."""
@@ -402,7 +402,7 @@ def _add_shape(body: Any, name: str, surface: Surface, position: Vec3) -> Any:
     return body.add_geom(
         name=name, type=SHAPES[surface.shape], size=[*size, 0.0, 0.0][:3], pos=_array(position),
         quat=_quaternion(surface.rotation), contype=0, conaffinity=0, group=3,
-    )  # fmt: skip
+    )
 
 
 def _array(v: Iterable[Any]) -> Any:

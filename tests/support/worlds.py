@@ -146,7 +146,7 @@ def with_object(contact, **numbers):
     """The contact with other numbers of its first object."""
     return dataclasses.replace(
         contact, objects=(dataclasses.replace(contact.objects[0], **numbers), *contact.objects[1:])
-    )  # fmt: skip
+    )
 
 
 def with_ground(contact, angles=None, **numbers):
@@ -175,7 +175,7 @@ def before_a_wall(name, joints, force, duration=5.0, friction=None, **law):
     top = HEIGHT + 0.6 * float(tip.z)
     wall = {
         "name": "wall", "shape": "box", "size": [0.1, 2.0, top], "position": [float(tip.x) + 0.07, 0.0, 0.5 * top],
-    } | ({} if friction is None else {"material": {"friction": friction}})  # fmt: skip
+    } | ({} if friction is None else {"material": {"friction": friction}})
     return scenario_from({
         "schema": 1, "name": "press", "duration": duration, "plant": {"vehicle": name},
         "controller": {"law": "centroidal", "mode": "tip"} | law,
@@ -185,7 +185,7 @@ def before_a_wall(name, joints, force, duration=5.0, friction=None, **law):
             "push": {"force": {"kind": "constant", "value": force, "start": 0.2}, "normal": [-1.0, 0.0, 0.0]},
         },
         "world": {"surfaces": [wall]},
-    })  # fmt: skip
+    })
 
 
 BEHIND = 0.06
@@ -212,7 +212,7 @@ def beside_a_box(phases, duration=9.0, **law):
             "objects": [{"name": "box", "size": [0.12, 0.2, 0.1], "mass": 0.25, "standing": True,
                          "position": [START, 0.0, 0.83]}],
         },
-    }  # fmt: skip
+    }
 
 
 def by_force(distance=0.3, **until):

@@ -331,7 +331,7 @@ NO_WORD = "<dynamics><spring_stiffness>3</spring_stiffness></dynamics>"
         (model('<include><uri>model://../x</uri></include>'), "include.uri = 'model://../x': must be model://NAME"),
         (model('<include><uri>v.sdf</uri><name>n</name></include>'), "models = 101: must be at most 100"),
     ],
-)  # fmt: skip
+)
 def test_refusal_in_one_line(tmp_path, text, words):
     path = written(tmp_path, text)
     with pytest.raises(VehicleError, match=f"^{re.escape(f'{path}: {words}')}") as error:

@@ -39,14 +39,14 @@ JOINT_PD = Box(2, 1, ("joint PD (92)", "qdd_d"), measured=True)
 
 def coupled(title: str, *, dynamics: Box = DYNAMICS, attitude: Box = ATTITUDE, more: dict[str, Box] | None = None,
             arrows: tuple[tuple[str, str, str], ...] = (), last: Box = MIXER, position: Box = POSITION,
-            continued: bool = False) -> Diagram:  # fmt: skip
+            continued: bool = False) -> Diagram:
     """The paper's law and what is made of it: base and joints meet in the inverse dynamics."""
     boxes = {"reference": REFERENCE, "position": position, "attitude": attitude, "dynamics": dynamics}
     boxes |= {"mixer": last, "vehicle": vehicle(5), "joints": JOINT_PD, **(more or {})}
     told = "continued" if continued else "reference"
     lines = [(told, "position", ""), ("position", "attitude", ""), ("attitude", "dynamics", ""),
              ("dynamics", "mixer", ""), ("mixer", "vehicle", ""), (told, "joints", ""),
-             ("joints", "dynamics", "")]  # fmt: skip
+             ("joints", "dynamics", "")]
     if continued:
         boxes["continued"] = CONTINUED
         lines.append(("reference", "continued", ""))

@@ -152,9 +152,9 @@ PUBLIC = "__all__"
 
 
 def first_line(thing: object) -> str:
-    """First line of a docstring, without markup of Sphinx."""
-    line = (inspect.getdoc(thing) or "").split("\n")[0]
-    return without_markup(line)
+    """Summary of a docstring, its first paragraph as one line, without markup of Sphinx."""
+    summary = (inspect.getdoc(thing) or "").partition("\n\n")[0]
+    return without_markup(" ".join(summary.split()))
 
 
 def without_markup(text: str) -> str:

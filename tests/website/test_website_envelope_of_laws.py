@@ -62,7 +62,7 @@ def test_the_values_of_every_axis_stand_on_the_page():
     part = TEXT.partition("### Values of the trials\n")[2].partition("\n## ")[0]
     _, _, *lines = re.findall(r"^\|.*\|$", part, re.M)
     rows = {name.strip("`"): [unit, *(float(each) for each in values if each != "-")]
-            for name, unit, *values in map(cells, lines)}  # fmt: skip
+            for name, unit, *values in map(cells, lines)}
     for name, axis in AXES.items():
         values = [float(f"{each * axis.shown:g}") for each in axis.values]
         assert rows.pop(name) == [axis.unit.removesuffix(" late"), *values], name

@@ -22,7 +22,7 @@ def state(z=1.0, velocity=(0.0, 0.0, 0.0), rate=(0.0, 0.0, 0.0), joints=(0.0, 0.
     return State(
         position=Vec3(0.0, 0.0, z), quaternion=Quaternion(1.0, 0.0, 0.0, 0.0), velocity=Vec3(*velocity),
         rate=Vec3(*rate), joints=joints, joint_rates=rates, rotor_speeds=(500.0,) * 4,
-    )  # fmt: skip
+    )
 
 
 def lifts(force, z, **others):

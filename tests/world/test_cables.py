@@ -339,7 +339,7 @@ def test_a_path_is_added_to_the_phases():
 
 def test_a_member_has_the_length_of_its_cable_and_may_suppose_another():
     scenario = skyarm.scenario_from(rod(members=[{"agent": "left", "place": RODS["left"], "length": 0.54},
-                                                 {"agent": "right", "place": RODS["right"]}]))  # fmt: skip
+                                                 {"agent": "right", "place": RODS["right"]}]))
     assert [float(each.length) for each in scenario.team.members] == [0.54, 0.5]
     heights = [float(each.reference.at(0.0).position.z) for each in scenario.agents.values()]
     with pytest.raises(ValueError, match=r"team\.members\.0\.length': must be equal in all episodes"):

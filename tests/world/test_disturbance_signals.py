@@ -32,7 +32,7 @@ VEHICLE = load_vehicle("hummingbird_arm2_rotors")
 STATE = State(
     position=Vec3(0.3, -0.2, 1.0), quaternion=Quaternion(0.8, 0.36, 0.48, 0.0), velocity=Vec3(0.5, 0.2, -0.1),
     rate=Vec3(0.1, -0.4, 0.3), joints=(0.4, -0.3), joint_rates=(0.5, 1.0), rotor_speeds=(500.0,) * 4,
-)  # fmt: skip
+)
 
 
 def test_a_force_at_a_frame_does_the_work_of_its_signal_on_the_frame():

@@ -196,7 +196,7 @@ def test_a_flown_load_meets_the_surfaces_of_the_world(ground, surface, top, plan
         "reference": {"base": {"kind": "hover", "position": [0.0, 0.0, 0.84]}, "joints": [0.0, 0.0]},
         "payloads": [{"kind": "hanging", "mass": 0.1, "pick": 0.1, "cord": 0.6}],
         "world": {"surfaces": [{"name": "floor", **surface}]},
-    }  # fmt: skip
+    }
     scenario = scenario_from(document)
     log = skyarm.run(scenario)
     held = log.component("payload_mass")[:, 0] > 0.0
@@ -217,7 +217,7 @@ def test_check_warns_of_a_cord_that_reaches_below_the_ground():
         "controller": {"preset": "centroidal_joint"},
         "reference": {"base": {"kind": "hover", "position": [0.0, 0.0, 0.6]}, "joints": [0.0, 0.0]},
         "payloads": [{"kind": "hanging", "mass": 0.1, "pick": 0.5, "cord": 0.5}],
-    }  # fmt: skip
+    }
     (line,) = load_warnings(scenario_from(document))
     tip = skyarm.load_vehicle("hummingbird_arm2_rotors")
     depth = 0.51 - (0.6 + float(frame_pose(tip, tip.frame(), (0.0, 0.0)).p.z))

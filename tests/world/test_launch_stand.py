@@ -25,13 +25,13 @@ HELD = Rotation.from_euler("z", 0.5)
 def pushed(
     position: object, velocity: object = (0.0, 0.0, 0.0), attitude: Rotation = HELD, rate: object = (0.0, 0.0, 0.0),
     sign: float = 1.0,
-) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
+) -> tuple[np.ndarray, np.ndarray]:
     """Force and torque of the stand, world axes."""
     x, y, z, w = (sign * attitude.as_quat(canonical=True)).tolist()
     state = State(
         position=Vec3(*position), quaternion=Quaternion(w, x, y, z), velocity=Vec3(*velocity), rate=Vec3(*rate),
         joints=(), joint_rates=(), rotor_speeds=(),
-    )  # fmt: skip
+    )
     (wrench,) = STAND.wrenches((), 0.0, PointMotion(load_vehicle("hummingbird"), state), ())
     return np.array([*map(float, wrench.force_W)]), np.array([*map(float, wrench.torque_W)])
 

@@ -496,7 +496,7 @@ def test_what_the_others_cannot_bear_is_set_down_where_it_was():
             whole.motion.yaw.derivatives(t)[0] + carry.heading.x,
             whole.motion.yaw.derivatives(t)[1] + carry.heading.y,
             whole.motion.yaw.derivatives(t)[2] + carry.heading.z,
-        ])  # fmt: skip
+        ])
     path, time = np.array(path), 4.5 + SLOW * np.arange(200)
     stopped, still = time > 6.6, vec(LINE[0])
     assert path[time < 5.4][:, 6].max() < -13.0  # 1.5 kg
@@ -558,7 +558,7 @@ def test_the_largest_load_is_that_of_the_rotors_or_of_the_weakest_joint():
         state = State(
             position=vec((0, 0, 1)), quaternion=Quaternion(1.0, 0.0, 0.0, 0.0), velocity=vec((0, 0, 0)),
             rate=vec((0, 0, 0)), joints=q, joint_rates=(0.0,) * 6, rotor_speeds=(0.0,) * 6,
-        )  # fmt: skip
+        )
         most = largest_load(PointMotion(thing, state, gravity=9.81))
         return most.weight, most.moment
 
@@ -579,7 +579,7 @@ def test_the_weight_of_a_follower_is_borne_by_its_leader():
     state = State(
         position=still, quaternion=Quaternion(1.0, 0.0, 0.0, 0.0), velocity=still, rate=still,
         joints=(0.0, 0.5), joint_rates=(0.0,) * 2, rotor_speeds=(0.0,) * 4,
-    )  # fmt: skip
+    )
     own = 9.81 * (0.04 * 0.075 + 0.01 * 0.15) * np.sin(0.5)  # of the last link and what it carries
     for thing, more in ((vehicle, 0.0), (tied, 9.81 * 0.1 * 0.1 * np.sin(0.5))):
         most = largest_load(PointMotion(thing, state, gravity=9.81))

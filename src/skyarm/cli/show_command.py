@@ -107,7 +107,7 @@ def _show_suite(file: str) -> None:
         (each.name, each.title, f"{', '.join(f'{value:g}' for value in each.values)} {each.unit}".rstrip(),
          str(each.flights), each.file or "hover")
         for each in suite.trials
-    ]  # fmt: skip
+    ]
     give(title=suite.title, laws=list(suite.laws), trials=[dict(zip(head, row, strict=True)) for row in rows])
     tell(f"{suite.title}; laws {', '.join(suite.laws)}", table_of(head, rows, left=len(head)))
 

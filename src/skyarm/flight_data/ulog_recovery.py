@@ -44,7 +44,7 @@ SIZES: Mapping[bytes, int] = {
 
 BEGINNING = re.compile(
     rb"(?=..(?:F\w{1,99}:\w|A...[a-zA-Z]|[IP].\w{1,99}(?:\[\d+\])? \w|[DOS]))", re.DOTALL
-)  # fmt: skip
+)
 """Pattern of the beginnings of messages at which reading resumes after damage."""
 
 FIELD = re.compile(rb"([A-Za-z_]\w*)(?:\[([1-9]\d{0,4})\])? ([A-Za-z_]\w*)(?:;|$)")

@@ -56,7 +56,7 @@ def fly(
     settings = OffboardSettings(
         rate_bandwidth=None if rate_bandwidth is None else _three(rate_bandwidth),
         here=world == "here", leash=leash, patience=patience,
-    )  # fmt: skip
+    )
     folder = Path(out)
     files = [folder / f"{planned.name}{suffix}" for suffix in (".npz", ".csv")]
     new = not folder.exists()

@@ -86,7 +86,7 @@ MODES: Mapping[int, ModeNumbers] = {
         title="ArduPilot", hover="MOT_THST_HOVER", word="guided", outside=(4, 0), hold=(17, 0),
         option=("GUID_OPTIONS", 8), fastest=250.0,
     ),
-}  # fmt: skip
+}
 """MAVLink's number of an autopilot -> its modes: PX4's offboard and hold, ArduCopter's guided and brake."""
 
 

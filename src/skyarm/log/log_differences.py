@@ -118,7 +118,7 @@ def difference_lines(differences: LogDifferences, labels: tuple[str, str], toler
     one, *_ = differences.columns
     numbers = f"{one.first!r} and {one.second!r} {one.unit}".rstrip()
     lines.append(f"first difference{f' above {tolerance:g}' if tolerance else ''}: at {one.time:g} s, {one.name} = "
-                 f"{numbers}, {abs(one.first - one.second):.3g} apart")  # fmt: skip
+                 f"{numbers}, {abs(one.first - one.second):.3g} apart")
     rows = [("quantity", "unit", "from, s", "largest", "at, s")]
     rows += [
         (each.name, each.unit, f"{each.time:g}", f"{each.largest:.3g}", f"{each.at:g}")

@@ -114,7 +114,7 @@ def prediction_table(results: Record, predicted: Record, plant: str) -> Table:
             row += [f"{near['loss']:.1f}", _share(near, "10%"), _share(near, "25%")] if near else ["-"] * 3
         rows.append(row)
     head = [f">{which}: {what}" for which in ("as stated", "from Cases 2 and 3", "fitted to all")
-            for what in ("loss", "within 10 %", "within 25 %")]  # fmt: skip
+            for what in ("loss", "within 10 %", "within 25 %")]
     return _table(f"Out of sample, {plant}", ("cells", *head), rows)
 
 

@@ -43,7 +43,7 @@ def plan_arrays(plan: Plan) -> dict[str, Any]:
         "velocity": x[:, 7:10], "rate": x[:, 10:13],
         "rotor_speeds": plan.rotor_speeds,
         "torques": plan.torques, "inputs": plan.u, "gains": plan.K, "phase": phase, "force": force,
-    }  # fmt: skip
+    }
 
 
 def plan_bytes(plan: Plan) -> bytes:

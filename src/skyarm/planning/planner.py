@@ -699,7 +699,7 @@ def _plan_of(
         task=task, stage=stage.stage, compiled=stage, data=problem.data, t=np.append(0.0, np.cumsum(steps)),
         x=x, u=best.u, K=best.K,
         edges=tuple(map(int, np.cumsum([0, *counts]))), solution=best, seeds=tried,
-    )  # fmt: skip
+    )
 
 
 FINE = 1e-3

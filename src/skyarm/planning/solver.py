@@ -189,7 +189,7 @@ class Solver:
                 x=x, u=u, K=gains[:, :, :-1], solved=solved, cost=cost, violation=violation, iterations=k + 1,
                 gap=now.gap, goals=now.goals, limits=now.limits,
                 forces=(y + penalty * now.goals, np.maximum(z + penalty * now.limits, 0.0)),
-            )  # fmt: skip
+            )
             if solved or stuck >= STUCK or not np.isfinite(cost):
                 return
             if done or inner >= PATIENCE:

@@ -150,7 +150,7 @@ class StageData:
 GOALS = (
     "tip", "tip_velocity", "lift", "axis", "base", "heading", "attitude", "velocity", "rate", "joints", "joint_rates",
     "still", "arm", "inputs",
-)  # fmt: skip
+)
 """Names of the goals that a stage may have, in the order of their rows."""
 
 

@@ -96,7 +96,7 @@ class StagedRungeKutta:
         inputs = RungeKuttaInputs(
             start=state, first=self._coupled, now=state, memory=self._coupled, turn=(0.0,) * (3 * len(vehicles)),
             total=slopes, rates=self._coupled, acceleration=(0.0,) * len(self._qacc), weights=(0.0,) * 5,
-        )  # fmt: skip
+        )
         commands = tuple(example_command(*each.sizes) for each in vehicles)
         self._program = Quick(self._stage, inputs, commands, around)
         ends = accumulate((len(part) for part in parts(inputs).values()), initial=0)

@@ -193,7 +193,7 @@ def search(task: TaskBuilder, phase: Fields) -> None:
         p + growth * most * (a * math.cos(most) + b * math.sin(most)) for p, a, b in zip(task.at, u, w, strict=True)
     )
     task.turn([Turning(angle=angle, radius=0.0, growth=growth, u=a, w=b) for a, b in zip(u, w, strict=True)],
-              (to[0], to[1], to[2]), duration)  # fmt: skip
+              (to[0], to[1], to[2]), duration)
     usual = {"distance": depth, "hold": 0.05, "timeout": 0.5, "fails": True, "early": True, "direction": task.normal}
     task.wait_until(phase, usual)
 
@@ -232,7 +232,7 @@ def turn(task: TaskBuilder, phase: Fields) -> None:
 
 TOUCHING: Mapping[str, Callable[[TaskBuilder, Fields], None]] = {
     "press": press, "slide": slide, "write": write, "search": search, "insert": insert, "turn": turn, "open": turn,
-}  # fmt: skip
+}
 """Phases in which the tip may press, by kind."""
 
 ABOUT_AN_AXIS = ("turn", "open")
@@ -263,7 +263,7 @@ def _tell_push(task: TaskBuilder, phase: Fields) -> None:
     if phase.states("speed"):
         speed = positive(phase, "speed", high=FASTEST)
         require_field(phase, "speed", (speed,), None if task.speed is None else (task.speed,),
-                      "must be the same in all phases of a task")  # fmt: skip
+                      "must be the same in all phases of a task")
         task.speed = speed
     if task.force is None or phase.states("force"):
         task.force = positive(phase, "force", high=STRONGEST)

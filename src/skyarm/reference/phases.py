@@ -122,7 +122,7 @@ def pick_or_place(task: TaskBuilder, phase: Fields) -> None:
 KINDS: Mapping[str, Callable[[TaskBuilder, Fields], None]] = {
     "hold": hold, "go_to": go_to, "pick": pick_or_place, "place": pick_or_place, "approach": approach, **TOUCHING,
     "retreat": retreat, "grasp": grasp, "release": release, "lift": lift, "carry": go_to,
-}  # fmt: skip
+}
 """Kind of a phase -> function that adds it to the task."""
 
 HANDLES = ("pick", "place", "grasp", "release")

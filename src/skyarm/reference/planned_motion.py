@@ -142,7 +142,7 @@ def read_plan_arrays(file: str, at: str) -> dict[str, Any]:
 
 UNREADABLE = (
     OSError, ValueError, TypeError, KeyError, EOFError, RuntimeError, zipfile.BadZipFile, zlib.error, struct.error
-)  # fmt: skip
+)
 """Errors of numpy and zipfile for a file that is no archive of arrays, or a damaged one."""
 
 ANY: tuple[int, ...] = ()
@@ -151,7 +151,7 @@ SHAPES: dict[str, tuple[tuple[int, ...], ...]] = {
     "position": ((3,),), "center": ((3,),), "tip": ((3, 0),), "quaternion": ((4,),), "yaw": (), "joints": (ANY,),
     "rotor_speeds": (ANY,), "torques": (), "force": ((3,),),
     "velocity": ((3,),), "rate": ((3,),), "joint_rates": (), "phase": (), "inputs": (ANY,), "gains": (ANY, ANY),
-}  # fmt: skip
+}
 """Allowed lengths of each further axis of each array of a plan, whose first is that of the nodes."""
 
 SPEEDS = ("velocity", "rate", "joint_rates")

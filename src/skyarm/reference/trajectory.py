@@ -314,7 +314,7 @@ def failure_words(trajectory: Trajectory, guard: Guard) -> str:
     words = {
         "force": "no contact of {:g} N", "force_below": "force not below {:g} N", "closed": "switch '{}' not closed",
         "open": "switch '{}' not open", "distance": "not moved by {:g} m", "error": "error not below {:g} m",
-    }  # fmt: skip
+    }
     values = {name: getattr(guard, name) for name in words}
     asked = [words[name].format(value) for name, value in values.items() if value not in (None, "")]
     named = trajectory.phases[guard.phase].name if guard.phase < len(trajectory.phases) else "guard"

@@ -274,7 +274,7 @@ class PathLimits:
         still = MotionSamples(
             time=motion.time, acceleration=nothing(motion.acceleration), yaw=motion.yaw, joints=motion.joints,
             rates=nothing(motion.rates), accelerations=nothing(motion.accelerations),
-        )  # fmt: skip
+        )
         # turned by nothing but the posture, which does not change
         demand = demand_of_motion(self._vehicle, self._gravity, still, _upright)
         return self._shares(demand)

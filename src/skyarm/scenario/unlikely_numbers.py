@@ -31,7 +31,7 @@ from skyarm.world import HangingPayload
 OTHER = {
     "m": "mm", "rad": "degrees", "s": "ms", "kg": "g", "N": "mN", "N m": "N mm", "m/s": "km/h", "rad/s": "degrees/s",
     "kg m^2": "kg cm^2 or g mm^2", "A h": "mA h", "ohm": "mohm", "A": "mA", "V": "mV",
-}  # fmt: skip
+}
 """Unit -> unit in which a suspiciously large number probably is."""
 
 MARGINS = 0.05, 20.0
@@ -114,7 +114,7 @@ def unlikely_units(scenario: Scenario) -> tuple[str, ...]:
         "sensors": scenario.agent.noise, "delays": scenario.agent.delays, "initial": scenario.agent.initial,
         "estimator": scenario.agent.estimator,
         **{f"sensors.{each.name}": each.sensor for each in scenario.agent.sensors},
-    }  # fmt: skip
+    }
     declared = (line for where, record in records.items() for line in _unusual(record, where))
     return (*_model(scenario), *declared, *_reference(scenario))
 

@@ -389,7 +389,7 @@ class Leg:
                 carry, samples = kernel.run(
                     bounded, parameters, rows,
                     seed=seed, episodes=episodes, start=start, threads=threads, every=every,
-                )  # fmt: skip
+                )
                 log += [(logged, samples)] if logged and start % every == 0 else []
         return carry, log
 

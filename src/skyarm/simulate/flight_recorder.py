@@ -59,7 +59,7 @@ class FlightRecorder:
         """Columns of the measured joint positions and rates of the only vehicle in a row of the log."""
         measured = self._sample.agent.measurement
         before = (measured.time, measured.position, measured.quaternion, measured.velocity, measured.rate,
-                  measured.specific_force)  # fmt: skip
+                  measured.specific_force)
         begin = self._marks[0][2] + len(leaves(before))
         return slice(begin, begin + len(measured.joints) + len(measured.joint_rates))
 

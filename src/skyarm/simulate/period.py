@@ -132,7 +132,7 @@ def act(
                 estimate=half.read.estimate, drives=each.drive(own.drives, half.acting, arrived, own.state),
                 clock=law.clock, components=half.components,
             )
-        )  # fmt: skip
+        )
         acting.append(arrived)
     around = measured.around.with_drives([each.drives for each in agents])
     before = [half.acting for half in measured.agents]

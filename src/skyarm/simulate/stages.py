@@ -300,7 +300,7 @@ class AgentStages:
     def sense(
         self, own: AgentLoop, ticks: Scalar, base: Motion, acting: Command, time: Scalar,
         draws: Sequence[Scalars], pushes: Sequence[Push] = (),
-    ) -> Readings:  # fmt: skip
+    ) -> Readings:
         """Evaluate sensors and estimator; return their states, the delayed readings and the law's measurement.
 
         The reading of a force sensor on the tip's link is added to the law's measurement.

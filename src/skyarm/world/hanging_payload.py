@@ -138,7 +138,7 @@ class HangingPayload(TimedPayload):
             position=select(grasped > 0.5, swing.position, memory.position),
             velocity=select(grasped > 0.5, swing.velocity, memory.velocity),
             pull=select(grasped > 0.5, swing.pull * (1.0 / SUBSTEPS), nothing),
-        )  # fmt: skip
+        )
 
     @property
     def columns(self) -> tuple[Column, ...]:  # type: ignore[override]
@@ -195,7 +195,7 @@ class HangingPayload(TimedPayload):
         return Swing(
             position=position, velocity=velocity, holder=now.holder + speed * dt,
             pull=now.pull - along * mul(tension, self.mass),
-        )  # fmt: skip
+        )
 
     def wrenches(  # type: ignore[override]
         self, memory: HangingMemory, t: Scalar, motion: PointMotion, rotor_speeds: Sequence[Scalar]

@@ -21,7 +21,7 @@ def test_a_steady_turn_about_any_axis_has_its_rate_and_no_acceleration():
     ("stated", "missing"),
     [({"voltage", "resistance"}, "torque_constant"), ({"voltage", "torque_constant"}, "resistance"),
      ({"current_limit"}, "torque_constant")],
-)  # fmt: skip
+)
 def test_a_limit_of_the_motor_needs_what_turns_it_into_torque(stated, missing):
     with pytest.raises(ValueError, match=f"{missing}: must be stated beside"):
         PositionServo.require_stated(stated)

@@ -270,7 +270,7 @@ def test_a_short_lag_has_its_exact_impulse_of_thrust_and_spin(lag):
     numbers = {"drag_coefficient": 0, "rolling_moment_coefficient": 0, "inertia": 3e-5}
     rotors = tuple(
         dataclasses.replace(r, time_constant_up=lag, time_constant_down=1.5 * lag, **numbers) for r in bare.rotors
-    )  # fmt: skip
+    )
     vehicle, commands = dataclasses.replace(bare, rotors=rotors), (600.0, 350.0, 600.0, 250.0)
     plant = RigidBodyPlant(Truth(vehicle=vehicle, gravity=0.0), Surroundings())
     x = flat(dataclasses.replace(example_state(0, 4), rotor_speeds=(300.0,) * 4))
@@ -280,7 +280,7 @@ def test_a_short_lag_has_its_exact_impulse_of_thrust_and_spin(lag):
     for rotor, command in zip(rotors, commands, strict=True):
         tau = lag if command > 300.0 else 1.5 * lag
         square = quad(lambda t, c=command, tau=tau: (c + (300.0 - c) * math.exp(-t / tau)) ** 2, 0.0, 0.01,
-                      points=[tau, 5 * tau], epsabs=1e-6)[0]  # fmt: skip
+                      points=[tau, 5 * tau], epsabs=1e-6)[0]
         lift += rotor.thrust_coefficient * square
         yaw -= rotor.direction * rotor.moment_coefficient * rotor.thrust_coefficient * square
         yaw -= rotor.direction * 3e-5 * (command - 300.0) * (1.0 - math.exp(-0.01 / tau))
@@ -373,6 +373,6 @@ def test_every_plant_feels_the_mean_thrust_of_a_reversible_rotor(plant, lag):
         quad(lambda t, c=c: (w := c + (400.0 - c) * math.exp(-t / lag)) * abs(w), 0.0, 0.01, limit=400,
              points=[lag, 3.0 * lag] + ([lag * math.log(700.0 / 300.0)] if c else []) if lag < 3e-3 else None)[0]
         for c in commands
-    ]  # fmt: skip
+    ]
     lift = sum(float(r.thrust_coefficient) * square for r, square in zip(rotors, squares, strict=True))
     assert x[9] * float(world.vehicle.mass) == pytest.approx(lift, rel=2e-3)

@@ -23,7 +23,7 @@ from support.one_vehicle import after_step
 
 GEARED = {
     "gear": 257.4, "efficiency": 0.5704, "torque_constant": 7.298e-3, "resistance": 8.571, "voltage": 12.0,
-}  # fmt: skip
+}
 INERTIA = 2e-3
 
 

@@ -67,7 +67,7 @@ def state(vehicle):
         position=Vec3(0.0, 0.0, 2.0), quaternion=Quaternion.of_rotation_vector(Vec3(0.1, -0.2, 0.3)),
         velocity=Vec3(1.0, 0.5, -0.2), rate=Vec3(0.2, -0.1, 0.4), joints=(0.3, -0.4), joint_rates=(0.1, 0.2),
         rotor_speeds=SPEEDS, tilts=ANGLES if vehicle.tilts else (),
-    )  # fmt: skip
+    )
 
 
 def test_a_turned_rotor_moves_the_plant_as_one_that_is_mounted_so():

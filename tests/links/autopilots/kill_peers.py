@@ -172,7 +172,7 @@ class Flight:
             [sys.executable, __file__, "--fly", *map(str, dataclasses.astuple(plan))], cwd=folder,
             env={**os.environ, "TMPDIR": str(self.temporary)}, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
             text=True,
-        )  # fmt: skip
+        )
 
     def program(self) -> tuple[int, str]:
         """Number and command line of the autopilot's program, as soon as it runs; zero if the flight has ended."""

@@ -54,7 +54,7 @@ def make_program(folder: Path, fault: str = "") -> Path:
 def scenario_of(
     folder: Path, vehicle: str = "hummingbird_arm2_rotors", duration: float = 2.0, yaw: float = 0.0, swing: float = 0.0,
     program: str = "", **options: Any,
-) -> Scenario:  # fmt: skip
+) -> Scenario:
     """Scenario of a hover under PX4, with options of its record.
 
     Args:

@@ -122,7 +122,7 @@ class Pilot:
         torque = np.array(
             [p[f"MC_{a}RATE_P"] * s + p[f"MC_{a}RATE_I"] * b
              for a, s, b in zip(("ROLL", "PITCH", "YAW"), spin, self.bias, strict=True)]
-        )  # fmt: skip
+        )
         lift = p["MPC_THR_HOVER"] * float(-force @ self.R[:, 2]) / 9.81
         return self.mixer.signals(torque, min(max(lift, 0.05), 1.0))
 

@@ -94,7 +94,7 @@ def test_a_tilted_vehicle_gets_the_angles_and_the_thrust_of_the_pid(seed):
     found = AngleControl(gains, GRAVITY).command(
         tuple(position), tuple(velocity), wxyz(attitude), goal(place, speed, acceleration, wanted_yaw), 0.002,
         flying=True,
-    )  # fmt: skip
+    )
     pid = 9.0 * (place - position) + 5.0 * (speed - velocity)
     thrust = acceleration + np.array([1.0, 1.0, 1.3]) * pid + np.array([0.0, 0.0, GRAVITY])
     assert found.thrust == pytest.approx(thrust @ attitude.apply([0.0, 0.0, 1.0]))

@@ -289,7 +289,7 @@ def test_every_key_is_the_first_place_of_its_letters():
     line = physics_line(3.25, IMU, STATE).decode().strip("\n")
     whole = json.loads(line)
     keys = [("", "timestamp"), ("imu", "gyro"), ("imu", "accel_body"), ("", "position"), ("", "quaternion"),
-            ("", "velocity"), ("", "no_time_sync")]  # fmt: skip
+            ("", "velocity"), ("", "no_time_sync")]
     for section, key in keys:
         start = line.index(section) + len(section) + 1
         behind = line[line.index(key, start) + len(key) + 2 :]
@@ -514,7 +514,7 @@ def test_bytes_of_another_program_do_not_become_the_partner(stand_in, monkeypatc
     link._frame = -1
     packet = struct.pack("<HHI16H", 18458, 800, 0, *[1000] * 16)
     with closing(link._udp), socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as odd, \
-            socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as right:  # fmt: skip
+            socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as right:
         odd.sendto(b"hello", link._udp.getsockname())
         right.sendto(packet, link._udp.getsockname())
         assert link._next_packet() == packet

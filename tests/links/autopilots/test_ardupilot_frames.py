@@ -146,7 +146,7 @@ def test_turning_the_rotors_or_their_spins_gives_another_frame(degrees, spin, na
     skyarm.load_vehicle("tilted_hexarotor"),
     turned(skyarm.load_vehicle("hummingbird_arm2_rotors"), 22.0),
     turned(skyarm.load_vehicle("hexarotor_arm6"), 15.0),
-], ids=["tilted", "between + and X", "hexarotor between + and X"])  # fmt: skip
+], ids=["tilted", "between + and X", "hexarotor between + and X"])
 def test_another_layout_is_refused_in_one_line_that_names_the_frames(vehicle):
     with pytest.raises(ScenarioError) as caught:
         fitting_frame(vehicle)

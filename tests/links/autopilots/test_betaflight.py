@@ -175,7 +175,7 @@ def test_throttle_stick_gives_the_thrust_through_betaflights_curve(name):
     assert (roll, pitch, yaw) == (
         round(1500 + 500 * math.degrees(0.1) / 30), round(1500 - 500 * math.degrees(0.05) / 30),
         round(1500 - 500 * math.degrees(0.3) / 120),
-    )  # fmt: skip
+    )
     linear, throttle = 1.5, (stick - 1050) / 950
     throttle /= 1 + (linear - 0.5 * linear**2) * (1 - throttle) ** 2
     total = 0.0

@@ -138,7 +138,7 @@ def answers(rng: random.Random) -> bytes:
         b"\r\n# ", b"# ", b"\r\n#", b"\x1b[31m", b"###ERROR", b"Invalid", b"$M>", b"$M<\x00\x01\x01", b"$X>",
         VERSION_ANSWER, rng.randbytes(rng.randrange(64)), b"x" * rng.randrange(3000),
         b"$M>\xff\x01" + rng.randbytes(rng.randrange(300)),
-    )  # fmt: skip
+    )
     return b"".join(rng.choice(pieces) for _ in range(rng.randrange(8))) + rng.choice((b"", b"\r\n# "))
 
 

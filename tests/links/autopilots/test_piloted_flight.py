@@ -68,7 +68,7 @@ def test_the_joint_law_gives_the_joints_the_accelerations_of_its_feedback(tmp_pa
             time=0.0, position=Vec3(0.0, 0.0, 0.0), quaternion=Quaternion(1.0, 0.0, 0.0, 0.0),
             velocity=Vec3(0.0, 0.0, 0.0), rate=Vec3(*w), joints=tuple(q), joint_rates=tuple(qd),
             specific_force=Vec3(*force),
-        )  # fmt: skip
+        )
         wanted = np.array([0.1, -0.2])
         reference = hover((0.0, 0.0, 0.0), joints=tuple(wanted)).at(0.0)
         _, command = move_arm((), measured, reference, 0.004, par=par)
@@ -301,7 +301,7 @@ def test_the_options_of_a_file_are_the_fields_of_the_record(kind: type) -> None:
     options = inspect.signature(entry_of(kind.name).function()).parameters
     assert {name: each.default for name, each in options.items()} == {
         "model": inspect.Parameter.empty, "joint_gains": None, **fields
-    }  # fmt: skip
+    }
 
 
 def test_a_file_gives_the_gains_of_the_position_loop_of_betaflight(tmp_path: Path) -> None:

@@ -487,7 +487,7 @@ def test_px4_is_released_in_hold_only_and_failsafes_are_counted_when_they_begin(
         frame = mavlink.pack(
             "HEARTBEAT", sequence=0, system=5, component=1, custom_mode=main << 16 | sub << 24, system_status=status,
             **told,
-        )  # fmt: skip
+        )
         for message in mavlink.Parser().feed(frame):
             link._hear(message)
         link._leave()

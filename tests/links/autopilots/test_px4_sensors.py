@@ -24,7 +24,7 @@ def readings_at(attitude: Rotation, position: tuple[float, ...], velocity: tuple
     state = State(
         position=Vec3(*position), quaternion=Quaternion(w, x, y, z), velocity=Vec3(*velocity), rate=Vec3(0.1, 0.2, 0.3),
         joints=(), joint_rates=(), rotor_speeds=(),
-    )  # fmt: skip
+    )
     force = attitude.inv().apply([0.0, 0.0, 9.81])
     found = {"imu": (0.0, 0.1, 0.2, 0.3, *force)}
     for name, sensor in (("magnetometer", Magnetometer()), ("barometer", Barometer()), ("gnss", Gnss())):

@@ -174,7 +174,7 @@ def start_law(
             "--link", link, "--joints", f"udp://127.0.0.1:{JOINT_PORT + instance}",
         ],
         cwd=folder, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
-    )  # fmt: skip
+    )
 
 
 def wait_for_port(port: int, simulator: subprocess.Popen[bytes], seconds: float = 60.0) -> None:
@@ -308,7 +308,7 @@ def fly_with_errors(own: Scenario, errors: Motion, late: np.ndarray) -> Log:
             m, position=Vec3(*(m.position + Vec3(*(errors.position[k] - shift)))),
             velocity=Vec3(*(m.velocity + Vec3(*errors.velocity[k]))), rate=Vec3(*(m.rate + Vec3(*errors.rate[k]))),
             quaternion=Quaternion(*turned.as_quat(scalar_first=True)),
-        )  # fmt: skip
+        )
         if not session.step(law.step(seen, session.reference).law):
             break
     return session.log

@@ -23,7 +23,7 @@ VECTOR = array[float32, 3]
 CONTROLS = (
     "manual", "auto", "offboard", "position", "velocity", "altitude", "climb_rate", "acceleration", "attitude",
     "rates", "allocation", "termination",
-)  # fmt: skip
+)
 
 
 def flags(names: str) -> dict[str, type[bool]]:
@@ -66,7 +66,7 @@ PARTS: dict[str, dict[str, Any]] = {
     "ActuatorMotors": {
         "timestamp": uint64, "timestamp_sample": uint64, "reversible_flags": uint16, "control": array[float32, 12],
     },
-}  # fmt: skip
+}
 
 TYPES: dict[str, Any] = {
     name: make_idl_struct(name, f"px4_msgs::msg::dds_::{name}_", parts) for name, parts in PARTS.items()
@@ -76,12 +76,12 @@ SENT = {
     "vehicle_odometry": "VehicleOdometry", "sensor_combined": "SensorCombined",
     "vehicle_control_mode": "VehicleControlMode", "vehicle_land_detected": "VehicleLandDetected",
     "vehicle_command_ack_v1": "VehicleCommandAck",
-}  # fmt: skip
+}
 
 READ = {
     "vehicle_command": "VehicleCommand", "offboard_control_mode": "OffboardControlMode",
     "actuator_motors": "ActuatorMotors",
-}  # fmt: skip
+}
 
 
 def message(name: str, **values: Any) -> Any:
@@ -171,7 +171,7 @@ class DdsStandIn(StandIn):
             position=[np.nan if since >= self.nan_at else float(self.p[0]), *map(float, self.p[1:])],
             q=quaternion_of(self.R), velocity_frame=3 if self.mixed else 1,
             velocity=[float(c) for c in velocity], angular_velocity=[float(c) for c in self.w],
-        )  # fmt: skip
+        )
         if steps % 25 == 0:
             armed = self.armed and since < self.disarms_at
             mode = "offboard" if self.offboard else "auto"

@@ -44,7 +44,7 @@ def quaternion_of(R: np.ndarray) -> list[float]:
         [0, R[0, 0] - R[1, 1] - R[2, 2], R[1, 0] + R[0, 1], R[0, 2] + R[2, 0]],
         [0, 0, R[1, 1] - R[0, 0] - R[2, 2], R[2, 1] + R[1, 2]],
         [0, 0, 0, R[2, 2] - R[0, 0] - R[1, 1]],
-    ])  # fmt: skip
+    ])
     values, vectors = np.linalg.eigh(K, UPLO="U")
     w, x, y, z = vectors[:, values.argmax()]
     return [float(c) for c in (w, x, y, z)]
@@ -173,7 +173,7 @@ class StandIn:
             self._send(
                 "ODOMETRY", time_usec=round(now * 1e6), frame_id=1, child_frame_id=1, x=x, y=y, z=z, q=attitude,
                 vx=vx, vy=vy, vz=vz, rollspeed=p, pitchspeed=q, yawspeed=r,
-            )  # fmt: skip
+            )
         elif steps % 5 == 0:
             self._send("LOCAL_POSITION_NED", time_boot_ms=round(now * 1e3), x=x, y=y, z=z, vx=vx, vy=vy, vz=vz)
         if self.attitudes or not self.odometry:

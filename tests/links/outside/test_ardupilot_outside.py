@@ -28,7 +28,7 @@ def test_a_law_flies_the_papers_circle_through_ardupilot(tmp_path):
                 "--joints", f"udp://127.0.0.1:{JOINT_PORT}",
             ],
             cwd=tmp_path, check=True, timeout=120.0,
-        )  # fmt: skip
+        )
         simulator.wait(120.0)
     finally:
         simulator.kill()

@@ -31,7 +31,7 @@ def fly(*more, **faults):
         ended = skyarm(
             "fly", "step.toml", "--link", f"mavlink://127.0.0.1:{port}", "--rate-bandwidth", "18,18,18",
             "--patience", "5", *more,
-        )  # fmt: skip
+        )
     return ended, peer
 
 

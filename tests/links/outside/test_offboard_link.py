@@ -172,7 +172,7 @@ def test_a_velocity_in_body_axes_is_turned(link, peer):
         [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
         [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
         [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-    ])  # fmt: skip
+    ])
     north, east, down = R @ [4.0, 5.0, 6.0]
     assert [*link.take().velocity] == pytest.approx([north, -east, -down])
 

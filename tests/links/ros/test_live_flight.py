@@ -146,7 +146,7 @@ def test_a_reference_that_takes_no_goals_says_so_once():
 def test_the_command_flies_with_topics_and_closes_its_node(tmp_path, monkeypatch):
     nodes = memory_nodes(monkeypatch)
     done = skyarm("run", "case3", "--duration", "0.5", "--ros", "2", "--pace", "0", "--json", "--log",
-                  str(tmp_path / "flight.npz"))  # fmt: skip
+                  str(tmp_path / "flight.npz"))
     assert (done.code, done.err) == (0, "")
     assert json.loads(done.out)["ros"] == {"version": 2, "commanded": 0, "goals": 0, "late_s": 0.0}
     (node,) = nodes

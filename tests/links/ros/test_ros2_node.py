@@ -262,7 +262,7 @@ def idl(definitions) -> str:
 HEARD = (
     "nav_msgs/Odometry", "sensor_msgs/JointState", "tf2_msgs/TFMessage", "rosgraph_msgs/Clock", NUMBERS,
     "geometry_msgs/PoseStamped",
-)  # fmt: skip
+)
 
 
 def needed(kind: str) -> set[str]:

@@ -24,7 +24,7 @@ ZERO = Vec3(0.0, 0.0, 0.0)
 STATE = State(
     position=ZERO, quaternion=Quaternion(1.0, 0.0, 0.0, 0.0), velocity=ZERO, rate=ZERO, joints=(), joint_rates=(),
     rotor_speeds=(0.0,),
-)  # fmt: skip
+)
 GOAL = MetricGoal(position=ZERO, joints=(), tool=ZERO)
 
 
@@ -34,7 +34,7 @@ def instant(k, force, wanted=1.0, tool=ZERO, parts={}, **more):  # noqa: B006
         state=STATE, tool=tool, command=Command(rotor_speeds=(0.0,), efforts=()), before=(0.0,), held=GOAL,
         continuous=GOAL, time=PERIOD * k, push=(wanted, 0.1, -1.0, 0.0, 0.0),
         parts=(("contact_force", (0.75 * force, 0.25 * force)), *parts.items()), **more,
-    )  # fmt: skip
+    )
 
 
 def metrics_of(instants):
@@ -102,7 +102,7 @@ def test_what_was_moved_is_told_where_the_flight_leaves_it():
                     parts={"object_position": (float(k), 5.0, 3.0, 9.0, 9.0, 9.0), "mechanism_position": (turned, 7.0)})
             for k, (z, turned, phase) in enumerate([(0.3, 0.1, 0.0), (0.2, 0.5, 1.0), (0.4, 0.2, 1.0)])
         ]
-    )  # fmt: skip
+    )
     assert [found[f"object_last_{axis}"] for axis in "xyz"] == [2.0, 5.0, 3.0]
     assert (found["mechanism_last"], found["mechanism_furthest"], found["tip_lowest"]) == (0.2, 0.5, 0.2)
     assert found["phases_time"] == pytest.approx(PERIOD), "the last phase began with the second instant"
@@ -114,7 +114,7 @@ def test_a_flight_that_touches_nothing_has_no_such_numbers():
     bare = MetricInstant(
         state=STATE, tool=ZERO, command=Command(rotor_speeds=(0.0,), efforts=()), before=(0.0,), held=GOAL,
         continuous=GOAL,
-    )  # fmt: skip
+    )
     found = metrics_of([bare])
     assert {name for name in NAMES if not math.isnan(found[name])} == {"tip_lowest", "phases_time"}
 

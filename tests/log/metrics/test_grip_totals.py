@@ -23,7 +23,7 @@ ZERO = Vec3(0.0, 0.0, 0.0)
 STATE = State(
     position=ZERO, quaternion=Quaternion(1.0, 0.0, 0.0, 0.0), velocity=ZERO, rate=ZERO, joints=(), joint_rates=(),
     rotor_speeds=(0.0,),
-)  # fmt: skip
+)
 BELIEVED, TRUE = (1.0, -0.1, 5.0), (1.0, 0.0, 2.0)
 """m, on an upright axis: 0.5 m and 0.4 m from where the tip takes hold."""
 
@@ -45,7 +45,7 @@ def instant(angle, turned, pull, taken=1.0, grip=1.0, **more):
             ("gripper_pull", tuple(pull * a + 4.0 * b for a, b in zip(out, along, strict=True))),
         ),
         **more,
-    )  # fmt: skip
+    )
 
 
 def numbers_of(*instants):
@@ -99,7 +99,7 @@ def test_a_hinge_is_where_the_mechanism_turns_about():
     valve = Mechanism(
         name="valve", kind="valve", size=(0.2, 0.03, 0.02), mass=1.0, position=Vec3(1.0, 2.0, 3.0),
         angles=Vec3(0.0, -math.pi / 2, 0.0),
-    )  # fmt: skip
+    )
     assert [float(c) for c in valve.hinge] == pytest.approx([1.0, 2.0, 3.0, -1.0, 0.0, 0.0], abs=1e-12)
     assert Mechanism(name="d", kind="drawer", size=(0.3, 0.2, 0.1), mass=1.0).hinge == ()
 

@@ -48,7 +48,7 @@ def closing(inner: object) -> object:
     "thing",
     [load_plugin, Vec3, ForceWind, MovingAir, SensorNoise, Divergence, functools.partial(load_plugin, 1), json.dumps,
      len, 3.0, functools.lru_cache(load_plugin), Bare, Inherits],
-)  # fmt: skip
+)
 def test_what_is_ours_pythons_or_has_no_code_is_nobodys_own(thing):
     assert own_code(thing) is None
 
@@ -57,7 +57,7 @@ def test_what_is_ours_pythons_or_has_no_code_is_nobodys_own(thing):
     "thing",
     [mine, Mine, Mine(), Mine().method, functools.partial(mine, 1.0), functools.partial(load_plugin, mine),
      functools.lru_cache(mine), lambda: 0],
-)  # fmt: skip
+)
 def test_what_stands_elsewhere_is_someones_own(thing):
     found = own_code(thing)
     assert found is not None

@@ -67,7 +67,7 @@ def test_a_payload_counts_while_it_is_held(hover):
     parts = flight_parts(held)
     assert [(part.start, part.stop, part.words) for part in parts] == [
         (0.0, 1.0, ""), (1.0, 3.0, " with 0.2 kg (payloads[0])"), (3.0, 4.0, "")
-    ]  # fmt: skip
+    ]
     assert "thrust margin with 0.2 kg (payloads[0])" in found(held)
     time, wanted = demand(held).time, weight(hover)
     more = thrust(held) - wanted

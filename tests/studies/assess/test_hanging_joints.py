@@ -104,7 +104,7 @@ def test_a_slung_load_hovers_and_is_turned_as_if_it_gave_way(folder):
 
 LIMITS = (
     (-math.inf, math.inf), (0.3, 1.2), (2.0, 7.0), (-1.5, -0.4), (-9.0, 9.0), (-math.inf, -1.0), (1.0, math.inf)
-)  # fmt: skip
+)
 
 
 @pytest.mark.parametrize(("lower", "upper"), LIMITS)

@@ -223,7 +223,7 @@ def test_a_rotor_that_is_turned_round_is_told(rotor: int) -> None:
     """With three rotors of one sense hover without a yaw torque takes nothing of the fourth."""
     vehicle = CASE.plant.vehicle
     rotors = [dataclasses.replace(r, direction=-r.direction if i == rotor else r.direction)
-              for i, r in enumerate(vehicle.rotors)]  # fmt: skip
+              for i, r in enumerate(vehicle.rotors)]
     turned = dataclasses.replace(vehicle, rotors=tuple(rotors))
     lines = warnings_before_flight(dataclasses.replace(CASE, plant=dataclasses.replace(CASE.plant, vehicle=turned)))
     (line,) = (line for line in lines if "would be even with another sense of one rotor" in line)

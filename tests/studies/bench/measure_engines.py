@@ -68,7 +68,7 @@ def measure(*, quick: bool = False, progress: Progress = lambda _: None) -> dict
     in_floats = flown_step_time(load_scenario(SCENARIO, duration=10.0))
     found["latency"] = {
         "paper_ct": compiled_step_time(scenario, calls), "paper_ct, floats": in_floats, "nmpc": flown_step_time(slow)
-    }  # fmt: skip
+    }
     progress("start")
     found["start_s"] = start(1 if quick else 3)
     progress("operations")

@@ -56,7 +56,7 @@ FIRST = (
     "carry_in_wind", "open_door", "peg_in_hole", "perch_on_shelf", "pick_and_carry", "pull_door", "push_button",
     "three_on_a_triangle", "turn_valve", "two_carry_a_bar", "two_hold_a_bar", "insert_a_peg", "land_on_skids",
     "pick_and_place_box", "push_a_button", "push_a_door",
-)  # fmt: skip
+)
 """Flights of contact and of teams, which are dear to compile."""
 
 

@@ -43,7 +43,7 @@ def asked(monkeypatch):
         works.append((work, threads))
         cell = flown()[tuple(work.fixed[name] for name in ("condition", "case", "law"))]
         return {**{name: np.full(2, word) for name, word in work.fixed.items() if name != "trial"},
-                "trial": np.arange(2.0), **cell.metrics, "status": cell.status}  # fmt: skip
+                "trial": np.arange(2.0), **cell.metrics, "status": cell.status}
 
     monkeypatch.setattr(executor, "fly", fly)
     return works
@@ -79,7 +79,7 @@ def test_every_flight_is_a_row_of_one_table(tmp_path, asked):
     assert len(rows) == sum(cell.status.size for cell in flown().values())
     wanted = flown()["plants_noisy", "case3_wind", "centroidal_tip"]
     found = [row for row in rows if (row["condition"], row["case"], row["law"])
-             == ("plants_noisy", "case3_wind", "centroidal_tip")]  # fmt: skip
+             == ("plants_noisy", "case3_wind", "centroidal_tip")]
     assert [row[SUCCESS_METRIC] for row in found] == list(wanted.metrics[SUCCESS_METRIC])
     assert [(row["trial"], row["status"]) for row in found] == [(0.0, "completed"), (1.0, "completed")]
 

@@ -16,7 +16,7 @@ GOOD = {
     "tilt_max": 0.2, "phases_done": 3.0, "contact_held": 0.95, "mechanism_furthest": 1.0, "tip_lowest": 0.7725,
     "object_last_x": 0.604, "object_last_y": -0.004, "contact_last": 2.0, "ee_error_last_mean_continuous": 0.02,
     **{each.metric: np.nan if each.metric.startswith("grip") else 0.5 for each in NUMBERS.values()},
-}  # fmt: skip
+}
 WEIGHT = 10.0
 
 
@@ -102,7 +102,7 @@ def test_tables_page_and_files_tell_the_same(tmp_path):
         "suite": "contact-suite", "seed": 0, "plant": "rigid_body", "worlds": 2, "laws": ["centroidal", "paper_ct"],
         "not_flown": {"<b> in press_and_hold": "has no <gains>"},
         "tasks": {task.name: {"title": task.title, "worlds": 2, "drawn": 3, "discarded": 1, "conditions": conditions}},
-    }  # fmt: skip
+    }
     suite = ContactSuite(worlds=2)
     text, page = suite.report(found).markdown(), suite.report(found).html()
     assert "| press 1 N and hold | 1 of 2 |" in text

@@ -162,7 +162,7 @@ def readings(sensors, count=425, draws=(0.5, 0.5)):
         state = State(
             position=Vec3(t, 0.0, 0.0), quaternion=Quaternion(1.0, 0.0, 0.0, 0.0), velocity=Vec3(1.0 + t, 0.0, 0.0),
             rate=Vec3(t, 0.0, 0.0), joints=(t, 0.0), joint_rates=(1.0, 0.0), rotor_speeds=(t,) * 4,
-        )  # fmt: skip
+        )
         memory, now = sensors.measure(memory, t, state, Vec3(t, 0.0, 9.81), list(draws), 0.005)
         found.append(now)
     return found

@@ -32,7 +32,7 @@ def study(**fields: Any) -> dict[str, Any]:
         "precision": "bit_exact", "metrics": METRICS,
         "vary": {STIFFNESS: {"uniform": [5000.0, 5400.0]}, MASS: {"uniform": [0.24, 0.26]}},
         "success": {"left/tilt_max": 1.0},
-    } | fields  # fmt: skip
+    } | fields
 
 
 def test_rows_are_flights_of_their_own_and_are_continued(tmp_path: Path) -> None:
@@ -41,7 +41,7 @@ def test_rows_are_flights_of_their_own_and_are_continued(tmp_path: Path) -> None
     assert {*rows.metrics} == {
         "left/tilt_max", "right/tilt_max", "left/position_error_mean", "left/grasp_largest", "right/grasp_largest",
         "object_last_z",
-    }  # fmt: skip
+    }
     law = "centroidal_joint"
     numbers = {path: rows.of(law, path) for path in (STIFFNESS, MASS)}
     for k in (0, 5):

@@ -103,7 +103,7 @@ def hanging(cable: Grasp, apart: float, seconds: float = 0.0) -> Scene:
             joints=np.zeros((1, 0)), name=name,
         )
         for name, place in places.items()
-    }  # fmt: skip
+    }
     assert scenario.world is not None
     point = ContactPoint(name="skid", body="base", agent="right", position=Vec3(0.0, 0.0, -0.1))
     world = Contact(objects=scenario.world.objects, grasps=(cable,), points=(point,))
@@ -112,7 +112,7 @@ def hanging(cable: Grasp, apart: float, seconds: float = 0.0) -> Scene:
         numbers[column[0]] = np.hstack([numbers[column[0]], np.zeros((1, 1))])
     numbers |= {"object_position": np.array([[apart, 0.0, 0.0]]), "object_quaternion": still}
     first, second = (scene_in_log([world], dataclasses.replace(each, agents=agents), numbers.__getitem__)
-                     for each in agents.values())  # fmt: skip
+                     for each in agents.values())
     alone = dataclasses.replace(agents["left"], agents={"left": agents["left"]})
     assert [each.name for each in scene_in_log([world], alone, numbers.__getitem__).arrows] == ["grasp/left_bar"]
     assert first.attached == ()

@@ -67,7 +67,7 @@ def test_a_payload_is_where_the_log_has_it() -> None:
                 "reference": {"base": base, "joints": [0.3, -0.2]},
             }
         )
-    )  # fmt: skip
+    )
     messages = unpacked(record(log, FilmSettings(fps=FPS, ghost=False)).content)["messages"]
     for seconds, held in ((0.0, 0.4), (0.4, 0.4), (0.6, 0.6), (0.95, 0.95)):
         place = place_at(messages, "/flight1/solids/payload", "SetPositionMessage", "position", seconds)

@@ -82,7 +82,7 @@ def test_on_a_phone_picture_and_controls_share_the_screen_and_fit_a_finger(seen:
     pushes = [each for each in seen["buttons"] if each["words"].startswith(("push", "gust"))]
     assert (len(clock), len(pushes), [each["words"] for each in seen["tabs"]]) == (
         3, 2, ["plots", "scenario", "world", "laws"],
-    )  # fmt: skip
+    )
     for each in (*clock, *pushes, *seen["tabs"]):
         assert min(each["bottom"] - each["top"], each["right"] - each["left"]) >= 40
         assert 0 <= each["left"] < each["right"] <= 390

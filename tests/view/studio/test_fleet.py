@@ -341,7 +341,7 @@ def believed() -> dict[str, Any]:
             "path": {"kind": "circle", "radius": 0.05, "frequency_hz": 0.5, "center": [0.0, 0.0, 0.8]},
             "posture": [0.4, -0.8], "base_share": 0.5,
         }
-    }  # fmt: skip
+    }
     document["changes"] = [{"at": 0.2, "path": "environment.wind.force.y", "value": 1.0}]
     document["environment"] = {"wind": {"mode": "force_wind", "force": [0.0, 0.0, 0.0]}}
     return {**document, "duration": 1.0, "windows": {}}
@@ -399,7 +399,7 @@ def test_changes_of_a_file_and_of_a_hand_hold_together_and_are_saved_together(tm
     wind, told = "environment.wind.force", "model.payload.mass"
     assert [(each.at, each.path, each.value) for each in scheduled_changes(saved)] == [
         (0.2, f"{wind}.y", 1.0), (0.4, f"{wind}.x", 1.0), (0.3, told, 0.05), (0.6, told, 0.0)
-    ]  # fmt: skip
+    ]
     log = skyarm.run(saved)
     assert (states(flight) == states_of(log)[:150]).all()
     assert (states_of(again) == states_of(log)).all()

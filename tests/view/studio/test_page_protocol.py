@@ -110,7 +110,7 @@ def test_a_page_is_dark_where_its_browser_prefers_so(shown: Open) -> None:
 WEBSOCKET = (
     "Upgrade: websocket", "Connection: Upgrade", "Sec-WebSocket-Version: 13",
     "Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==",
-)  # fmt: skip
+)
 
 
 def request(shown: Open, path: str = f"/?token={TOKEN}", *headers: str) -> bytes:

@@ -62,7 +62,7 @@ def test_payloads_are_drawn_where_they_are_held_and_where_they_hang() -> None:
     hangs, com = np.array([[1.0, 2.0, 2.0]]), Vec3(0.0, 0.0, 0.1)
     loads = (
         TimedPayload(mass=0.3, com=com), TimedPayload(mass=0.2, frame="hook"), HangingPayload(mass=0.1, frame="hook"),
-    )  # fmt: skip
+    )
     logged = {"payload_mass": np.array([[0.3, 0.2, 0.1]]), "payload_position": hangs}
     scene, placed = scene_in_log(loads, seen, logged.__getitem__), place(vehicle, *(each[0] for each in pose))
     nodes = Scene()

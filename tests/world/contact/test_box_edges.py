@@ -26,7 +26,7 @@ def placed(middle, R, halves=0.5 * SIZE):
 def crossed(depth, turn, away=(0.0, 0.0)):
     """Two boxes, an edge along x on an edge along y, both with a ridge up or down; the upper one away along both."""
     R = np.array([Rotation.from_euler("x", 45, degrees=True).as_matrix(),
-                  Rotation.from_euler("y", 45, degrees=True).as_matrix()])  # fmt: skip
+                  Rotation.from_euler("y", 45, degrees=True).as_matrix()])
     ridge = [0.5 * (SIZE[1] + SIZE[2]) / math.sqrt(2.0), 0.5 * (SIZE[0] + SIZE[2]) / math.sqrt(2.0)]
     between = np.array([*away, ridge[0] + ridge[1] - depth])
     T = turn.as_matrix()
@@ -94,7 +94,7 @@ def test_each_pushes_the_other_the_other_way_at_the_same_place(turn):
     assert len(ours) == len(theirs) == EDGE_PAIRS
     for one in ours:
         twin = [each for each in theirs if abs(float(each[1] - one[1])) < 1e-12
-                and np.allclose([*each[0]], [*one[0]], atol=1e-12)]  # fmt: skip
+                and np.allclose([*each[0]], [*one[0]], atol=1e-12)]
         assert any(np.allclose([*each[2]], [-float(c) for c in one[2]], atol=1e-9) for each in twin)
     assert float(face_overlap(a, b)) == pytest.approx(float(face_overlap(b, a)), abs=1e-15)
 

@@ -30,7 +30,7 @@ CONTACT = Contact(
         ContactPoint(name="tip", frame="tip"),
         ContactPoint(name="skid", body="base", position=Vec3(0.1, 0.05, -0.12), radius=0.02),
     ),
-)  # fmt: skip
+)
 MEMORY = CONTACT.start(0.005, ())
 
 

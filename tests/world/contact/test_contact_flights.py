@@ -225,7 +225,7 @@ def test_the_examples_fly_as_their_first_lines_say():
      ({"surfaces": [{"name": "g", "position": [0, 0, 1.2]}]}, "point 'tip' starts .* inside surface 'g'"),
      ({"surfaces": [{"name": "g", "shape": "sphere", "size": [0.1], "position": [0.17, 0.0, 1.0]}]},
       "rotor 'front' touched surface 'g' at the start: must start outside")],
-)  # fmt: skip
+)
 def test_worlds_that_cannot_be_are_refused_in_one_line(press, change, words):
     with pytest.raises(skyarm.ScenarioError, match=words) as error:
         scenario_from({**press, "world": {**press["world"], "points": [], **change}})
@@ -239,7 +239,7 @@ def test_worlds_that_cannot_be_are_refused_in_one_line(press, change, words):
      ({"standing": True, "position": [0, 0, -5]}, "must begin above what it is set down on"),
      ({"standing": True, "position": [0, 0, 4]}, "nothing carries it within 3 m below"),
      ({"standing": True, "joints": [1.5, 0.0]}, "tips over")],
-)  # fmt: skip
+)
 def test_starts_that_cannot_stand_are_refused(landing, initial, words):
     found = copy.deepcopy(landing) | {"initial": initial}
     if "tips over" in words:

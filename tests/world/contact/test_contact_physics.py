@@ -88,7 +88,7 @@ def test_an_elastic_bounce_keeps_its_energy(stiffness):
         wall = Surface(
             name="wall", shape="box", size=(0.2, 1.0, 1.0), position=(0.2116 + 0.101 + off, 0.0, 0.0),
             material=Material(stiffness=stiffness, dissipation=0.0, friction=0.0),
-        )  # fmt: skip
+        )
         tip = (ContactPoint(name="tip", frame="tip"),)
         rows = fall(bird, start, around(wall, points=tip), 0.06, gravity=0.0)
         energy = [float(kinetic_energy(bird, each)) for each in states(start, rows)]

@@ -58,10 +58,10 @@ def test_a_ring_is_points_on_a_circle_across_the_z_axis():
     [({"radius": 0.01, "count": 2}, "count = 2: must be at least 3"), ({"radius": 0.01, "count": 65}, "at most 64"),
      ({"radius": 0.0, "count": 4}, "radius = 0.0: must be above 0"), ({"radius": 0.01}, "count: is missing"),
      ({"radius": 0.01, "count": 4.5}, "count = 4.5"), (4, "ring")],
-)  # fmt: skip
+)
 def test_rings_that_cannot_be_are_refused(ring, words):
     world = {"surfaces": [{"name": "g"}], "points": [{"name": "peg", "frame": "tip", "ring": ring}]}
     top = {"schema": 1, "name": "a", "duration": 1.0, "plant": {"vehicle": "hummingbird_arm2"},
-           "controller": {"preset": "paper_ct"}}  # fmt: skip
+           "controller": {"preset": "paper_ct"}}
     with pytest.raises(ValueError, match=words):
         scenario_from({**top, "world": world})

@@ -37,13 +37,13 @@ VEHICLE = load_vehicle("hummingbird_arm2")
 
 
 def scene_of(contact: Contact, times: np.ndarray, about: tuple[float, ...] = (0.0, 0.0, 0.0), patch: float = PATCH,
-             **logged: np.ndarray) -> Scene:  # fmt: skip
+             **logged: np.ndarray) -> Scene:
     """The scene of a contact about a vehicle at rest."""
     count = len(times)
     seen = Instants(
         vehicle=VEHICLE, times=times, position=np.zeros((count, 3)), quaternion=np.eye(4)[[0] * count],
         joints=np.zeros((count, VEHICLE.n)), around=np.array(about), patch=patch,
-    )  # fmt: skip
+    )
     nothing = np.zeros((count, contact.logged_pairs))
     return scene_in_log([contact], seen, lambda name: logged.get(name, nothing))
 
@@ -85,7 +85,7 @@ def test_an_object_is_drawn_as_its_carrier_has_it_from_a_log_and_from_memory(sha
     thing = FreeObject(
         name="thing", mass=0.3, shape=shape, size=SIZES[shape], com=Vec3(0.05, -0.1, 0.2),
         position=Vec3(1.0, 2.0, 3.0), angles=Vec3(0.4, -0.2, 0.9),
-    )  # fmt: skip
+    )
     contact = Contact(surfaces=(), objects=(thing,))
     memory = contact.start(0.005, ())
     frame, (skin,) = thing.frame(memory.carried[0]), thing.surfaces
@@ -95,7 +95,7 @@ def test_an_object_is_drawn_as_its_carrier_has_it_from_a_log_and_from_memory(sha
     state = State(
         position=Vec3(0.0, 0.0, 0.0), quaternion=Quaternion(1.0, 0.0, 0.0, 0.0), velocity=Vec3(0.0, 0.0, 0.0),
         rate=Vec3(0.0, 0.0, 0.0), joints=(0.0, 0.0), joint_rates=(0.0, 0.0), rotor_speeds=(0.0,) * 4,
-    )  # fmt: skip
+    )
     motion = PointMotion(VEHICLE, state)
     for scene in (
         scene_of(contact, np.zeros(1), **logged),
@@ -114,7 +114,7 @@ def test_a_mechanism_is_drawn_as_its_carrier_has_it_at_every_coordinate(kind: st
     thing = Mechanism(
         name="thing", kind=kind, size=(0.8, 0.9, 0.05)[: 2 if kind == "valve" else 3], mass=3.0, parts=(handle,),
         position=Vec3(1.0, 2.0, 0.5), angles=Vec3(0.1, 0.2, 0.7),
-    )  # fmt: skip
+    )
     contact, coordinates = Contact(surfaces=(), mechanisms=(thing,)), np.array([[0.0], [0.3], [-0.8]])
     logged = {column[0]: coordinates for column in contact.columns}
     drawn = scene_of(contact, np.zeros(3), **logged).solids
@@ -157,7 +157,7 @@ def touching_world() -> tuple[Contact, State, Any]:
     attitude = Quaternion(0.9, 0.1, -0.2, 0.3).normalized()
     state = State(
         position=Vec3(0.1, 0.2, 0.3), quaternion=attitude, joints=(0.4, -0.7), rotor_speeds=(0.0,) * 4, **still
-    )  # fmt: skip
+    )
     points = (
         ContactPoint(name="tip", frame=vehicle.end_effector),
         ContactPoint(name="ball", body="base", position=Vec3(0.1, 0.0, -0.2), radius=0.05),
@@ -172,7 +172,7 @@ def touching_world() -> tuple[Contact, State, Any]:
     box = FreeObject(
         name="box", mass=1.0, size=(0.2, 0.2, 0.2), position=places[1] - Vec3(0.0, 0.0, 0.149), material=smooth,
         angles=Vec3(0.1, 0.0, 0.4),
-    )  # fmt: skip
+    )
     return Contact(surfaces=(tilted,), points=points, objects=(box,)), state, vehicle
 
 
@@ -263,5 +263,5 @@ def test_a_surface_hides_what_is_behind_it_and_nothing_beside_it(shape: str) -> 
     two = dataclasses.replace(
         solid, position=solid.position + np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 9.0]]),
         rotation=np.concatenate([solid.rotation] * 2),
-    )  # fmt: skip
+    )
     assert hidden_share([two], np.zeros((2, 3)), np.array([1.0, 0.0, 0.0])) == 0.5

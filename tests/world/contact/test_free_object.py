@@ -29,7 +29,7 @@ def lying(shape, size, **numbers):
     """An object on a ground whose angles are numbers."""
     return Contact(
         surfaces=(SLOPE,), points=SPOT, objects=(FreeObject(name="it", shape=shape, size=size, mass=0.1, **numbers),)
-    )  # fmt: skip
+    )
 
 
 BOX = lying("box", (0.1, 0.08, 0.06))
@@ -152,7 +152,7 @@ def test_free_tumbling_is_that_of_eulers_equations():
     moments, com = np.array([2e-4, 3e-4, 4e-4]), np.array([0.01, -0.02, 0.005])
     v, w = np.array([0.3, -0.2, 1.0]), np.array([5.0, -3.0, 4.0])
     free = lying("box", (0.1, 0.08, 0.06), inertia=Vec3(*moments), com=Vec3(*com), position=Vec3(0.1, 0.2, 20.0),
-                 angles=Vec3(0.3, -0.4, 0.5), velocity=Vec3(*v), angular_velocity=Vec3(*w))  # fmt: skip
+                 angles=Vec3(0.3, -0.4, 0.5), velocity=Vec3(*v), angular_velocity=Vec3(*w))
     _, rows = Scene(free).fly(free, 0.5)
     R = Rotation.from_euler("xyz", [0.3, -0.4, 0.5]).as_matrix()
 
@@ -181,7 +181,7 @@ def pushed():
     skid = ContactPoint(name="skid", body="base", position=Vec3(0.1, 0.05, -0.12), radius=0.02)
     start = at_rest(bird, (0.0, 0.0, 0.0), velocity=Vec3(0.3, 0.1, 0.0), rate=Vec3(0.1, 0.3, -0.2))
     free = FreeObject(name="it", size=(0.1, 0.2, 0.2), mass=0.2, position=Vec3(0.18, 0.0, -0.13),
-                      material=Material(dissipation=1.0, friction=0.4))  # fmt: skip
+                      material=Material(dissipation=1.0, friction=0.4))
     contact = Contact(points=(skid,), objects=(free,))
     vehicles, objects = Scene(contact, vehicle=bird, state=start, gravity=0.0).fly(contact, 0.15)
     return bird, start, free, vehicles, objects
@@ -296,7 +296,7 @@ def test_lighter_objects_and_stiffer_materials_ask_for_shorter_steps():
     stiff = dataclasses.replace(BOX.objects[0].material, stiffness=45000.0)
     assert float(with_object(BOX, material=stiff).largest_step) == pytest.approx(
         float(BOX.largest_step) / 3.0, rel=0.2
-    )  # fmt: skip
+    )
 
 
 @pytest.mark.parametrize(
@@ -355,7 +355,7 @@ def spinning():
     )
     box = FreeObject(name="it", size=(0.2, 0.2, 0.1), mass=0.05, position=Vec3(0.0, 0.0, -0.1695),
                      velocity=Vec3(0.0, 0.0, 0.01), angular_velocity=Vec3(0.0, 0.0, 2.0),
-                     material=Material(stiffness=2000.0, dissipation=2.0, friction=0.7))  # fmt: skip
+                     material=Material(stiffness=2000.0, dissipation=2.0, friction=0.7))
     contact = Contact(points=points, objects=(box,), surfaces=(Surface(name="ground", position=(0.0, 0.0, -1.0)),))
     memory, motion = contact.start(0.005, ()), PointMotion(BIRD, at_rest(BIRD, (0.0, 0.0, 0.0)))
     return contact, memory, motion, [each.touch for each in contact.meetings(memory, motion)[2:4]]
@@ -389,7 +389,7 @@ def test_force_and_friction_of_a_light_body_follow_its_mass_and_act_where_it_tou
 def test_a_slow_touch_is_smoothed_over_the_step_of_its_mass():
     """Just above the skin the mean over the way of a step is (way / 2 - height)^2 / (2 way)."""
     box = FreeObject(name="it", size=(0.2, 0.2, 0.1), mass=0.05, position=Vec3(0.0, 0.0, -0.17005),
-                     velocity=Vec3(0.0, 0.0, 0.2), material=Material(dissipation=0.0, friction=0.0))  # fmt: skip
+                     velocity=Vec3(0.0, 0.0, 0.2), material=Material(dissipation=0.0, friction=0.0))
     contact = Contact(points=(ContactPoint(name="a", body="base", position=Vec3(0.0, 0.0, -0.12)),), objects=(box,))
     (meeting,) = contact.meetings(contact.start(0.005, ()), PointMotion(BIRD, at_rest(BIRD, (0.0, 0.0, 0.0))))
     mass = 1.0 / (1.0 / 0.02 + float(box.mobility))

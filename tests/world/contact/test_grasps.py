@@ -275,7 +275,7 @@ def under_speeds(agent: Any, vehicle: Any, speeds: tuple[float, ...], position: 
     state = State(
         position=position, quaternion=Quaternion(1.0, 0.0, 0.0, 0.0), velocity=Vec3(0.0, 0.0, 0.0),
         rate=Vec3(0.0, 0.0, 0.0), joints=(), joint_rates=(), rotor_speeds=speeds,
-    )  # fmt: skip
+    )
     par = Speeds(model=skyarm.Model(vehicle=vehicle, gravity=GRAVITY), speeds=speeds)
     law = skyarm.Controller(name="steady", law=steady, par=par)
     truth = Truth(vehicle=vehicle, gravity=GRAVITY)
@@ -312,7 +312,7 @@ def test_stiff_grasps_make_one_rigid_body(monkeypatch: pytest.MonkeyPatch) -> No
     rigid = dataclasses.replace(
         whole, rates=rates, environment=still,
         agents={"main": under_speeds(one, fused(whole), (*SPEEDS["left"], *SPEEDS["right"]), bar)},
-    )  # fmt: skip
+    )
     monkeypatch.setattr(RigidBodyPlant, "substeps", lambda _, __: Steps(200))
     wanted = skyarm.run(rigid)
     at = {"left": Vec3(0.0, 0.19, 1.0), "right": Vec3(0.0, -0.19, 1.0)}

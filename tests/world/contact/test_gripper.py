@@ -45,7 +45,7 @@ def moved(memory, way=(0.0, 0.0, 0.0), turn=(0.0, 0.0, 0.0), velocity=(0.0, 0.0,
     turned = Quaternion.of_rotation_vector(Vec3(*turn)) * held.attitude
     body = dataclasses.replace(
         held, position=held.position + Vec3(*way), attitude=turned, velocity=Vec3(*velocity)
-    )  # fmt: skip
+    )
     return dataclasses.replace(memory, carried=(body, *memory.carried[1:]))
 
 

@@ -21,7 +21,7 @@ def skin():
     """Points of the section, less than 0.05 mm apart: (N, 2)."""
     radius, depth, chamfer, outer, length = SIZE
     corners = [(0, -depth), (radius, -depth), (radius, -chamfer), (radius + chamfer, 0), (outer, 0), (outer, -length),
-               (0, -length)]  # fmt: skip
+               (0, -length)]
     line = [np.linspace(a, b, 1401) for a, b in pairwise(corners)]
     return np.concatenate(line)
 
@@ -78,7 +78,7 @@ def test_it_is_as_far_as_the_nearest_of_many_points_and_the_normal_leads_there()
      ((0.01, 0.0, -0.0495), 0.0005, (0, 0, -1)),
      ((0.023, 0.0, -0.034), 0.005, (-0.6, 0, 0.8)),
      ((0.0, 0.0, 0.1), -math.hypot(0.024, 0.1), None)],
-)  # fmt: skip
+)
 def test_faces_are_where_the_size_says(place, depth, normal):
     """Bottom, wall, chamfer, top, outside, below; in the corner of wall and bottom by the way to the corner."""
     found, n = Surface(name="s", shape="hole", size=SIZE).depth(Vec3(*map(float, place)), 0, 0.0)
@@ -111,7 +111,7 @@ def test_a_disc_is_held_off_the_plate_as_if_its_hole_were_filled():
      ((0.02, 0.03), "must be 5 numbers, radius, depth, chamfer, outer radius, length"),
      ((0.02, 0.03, 0.0, 0.06, 0.05), "above 0"),
      ((0.02, 0.03, 0.9e-6, 0.06, 0.05), "must be 1e-06 m each, or more")],
-)  # fmt: skip
+)
 def test_holes_that_leave_no_material_are_refused(size, words):
     with pytest.raises(ValueError, match=words):
         Surface(name="s", shape="hole", size=size)

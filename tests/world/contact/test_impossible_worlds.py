@@ -23,7 +23,7 @@ GROUND = Surface(name="ground")
      (Contact(surfaces=(GROUND,), objects=(replace(BOX, mass=1e-300),)), "it"),
      (Contact(surfaces=(replace(GROUND, material=Material(stiffness=1e11)),), objects=(BOX,)), "the mass of 'box'"),
      (Contact(surfaces=(replace(GROUND, material=Material(stiffness=1e11)),)), "the material of surface 'ground'")],
-)  # fmt: skip
+)
 def test_a_part_that_leaves_no_steps_is_named(world, part):
     words = "has no integration steps" if part == "it" else f"{part} asks for integration steps of"
     with pytest.raises(ValueError, match=f"^world: {words}.* must leave them 5e-06 s"):

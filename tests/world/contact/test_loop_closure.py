@@ -57,7 +57,7 @@ def under_constant_speeds(scenario: Scenario, seed: int) -> Scenario:
         state = State(
             position=Vec3(*(float(c) for c in start.position)), quaternion=Quaternion(1.0, 0.0, 0.0, 0.0),
             velocity=Vec3(0.0, 0.0, 0.0), rate=Vec3(0.0, 0.0, 0.0), joints=(), joint_rates=(), rotor_speeds=speeds,
-        )  # fmt: skip
+        )
         law = skyarm.Controller(name="steady", law=steady, par=Speeds(model=agent.controller.par.model, speeds=speeds))
         return dataclasses.replace(agent, controller=law, initial=state)
 

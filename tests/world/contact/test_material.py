@@ -114,7 +114,7 @@ def test_left_out_a_material_is_that_of_the_measurements():
     ("field", "value", "allowed"),
     [("stiffness", 0.0, "above 0"), ("stiffness", -5.0, "above 0"), ("friction", -0.1, "at least 0"),
      ("dissipation", -1.0, "at least 0"), ("bristle_length", 0.0, "above 0"), ("friction", math.nan, "finite")],
-)  # fmt: skip
+)
 def test_numbers_that_no_material_has_are_refused(field, value, allowed):
     with pytest.raises(ValueError, match=rf"{field} = .*{allowed}"):
         Material(**{field: value})

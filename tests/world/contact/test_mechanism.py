@@ -278,7 +278,7 @@ def test_steps_follow_from_the_fastest_of_springs_friction_detents_and_stops():
      ({"damping": math.nan}, "damping = nan"),
      ({"upper": math.nan}, "upper = nan"),
      ({"parts": (Surface(name="p"),)}, r"parts\[0\].shape = 'plane': must be a shape with an end")],
-)  # fmt: skip
+)
 def test_mechanisms_that_cannot_be_are_refused_in_one_line(numbers, words):
     with pytest.raises(ValueError, match=words) as error:
         hinge(**numbers)
@@ -289,7 +289,7 @@ def test_mechanisms_that_cannot_be_are_refused_in_one_line(numbers, words):
 def test_it_moves_the_same_whether_the_vehicle_is_far_or_near(away, rounds):
     """A pendulum with friction beside a limp vehicle that falls, or below its skids: as one that is alone."""
     swing = hinge(axis=(0, 1, 0), mass=2.0, com=(0.3, 0, 0), friction=0.2, initial=0.4, parts=(ARM,), inertia=0.3,
-                  position=(away, -0.2, -0.16))  # fmt: skip
+                  position=(away, -0.2, -0.16))
     bird = limp()
     contact = Contact(
         mechanisms=(swing,), points=(ContactPoint(name="p", body="base", position=Vec3(0.0, 0.0, -0.05)),)

@@ -59,7 +59,7 @@ def test_a_button_goes_in_as_far_as_what_pushes_it_and_the_log_says_so(pushed):
         "contact_force_wall_tip": "N", "contact_force_button_tip": "N", "contact_force_rim_tip": "N",
         "contact_friction_wall_tip": "N", "contact_friction_button_tip": "N", "contact_friction_rim_tip": "N",
         "mechanism_position_button": "m", "mechanism_rate_button": "m/s",
-    }  # fmt: skip
+    }
     assert contact_pairs(pushed) == (("wall", "tip"), ("button", "tip"), ("rim", "tip"))
 
 
@@ -113,7 +113,7 @@ def test_every_lane_of_a_batch_pushes_the_bits_of_a_session(push):
      ({"position": [0.2, 0.0, 0.83]}, "point 'tip' starts .* inside 'button'.* must start outside$"),
      ({"kind": "slide", "axis": [0, 0, 1], "size": [], "parts": []}, r"mechanisms\[0\].parts: is missing; nothing of"),
      ({"upper": -1.0}, "lower = 0.0: must be below upper = -1.0")],
-)  # fmt: skip
+)
 def test_mechanisms_that_cannot_be_are_refused_in_one_line(push, change, words):
     found = copy.deepcopy(push)
     found["world"]["mechanisms"][0] |= change

@@ -114,7 +114,7 @@ def test_columns_are_named_after_objects_and_grippers_and_files_keep_them(lifted
     named = {each.name: each for each in columns(lifted)}
     for name, unit in (("object_position_box_z", "m"), ("object_quaternion_box_w", ""), ("object_rate_box_x", "rad/s"),
                        ("object_velocity_box_y", "m/s"), ("gripper_taken_magnet", ""), ("gripper_force_magnet", "N"),
-                       ("gripper_lost_magnet", ""), ("contact_force_box_tip", "N")):  # fmt: skip
+                       ("gripper_lost_magnet", ""), ("contact_force_box_tip", "N")):
         assert named[name].unit == unit
     assert np.array_equal(named["object_position_box_z"].of(lifted), lifted.object_position[:, 2])
     again = skyarm.load_log(lifted.save_npz(tmp_path / "a.npz"))
@@ -158,7 +158,7 @@ def test_lanes_of_a_batch_lift_each_its_own_box():
     values = {
         "world.objects.box.mass": np.array([0.03, 0.06]), "world.grippers.magnet.force": np.array([10.0, 0.2]),
         "world.objects.box.position.x": np.array([0.2, 0.203]),
-    }  # fmt: skip
+    }
     light = with_numbers(scenario, {"world.objects.box.mass": 0.03})
     lanes = skyarm.Batch(scenario, list(values), stiffest=light, log_every=1).fly(values).log
     positions = np.stack([*lanes.state.position], axis=-1)  # (lanes, samples, 3)
@@ -196,7 +196,7 @@ def test_phases_close_and_open_a_gripper_half_way_through_their_dwell():
      ([{"kind": "release"}], {}, "phases\\[0\\].gripper = 'magnet': .*it holds nothing"),
      ([{"kind": "grasp"}], {"kind": "hook"}, "must be a gripper without a command of its own"),
      ([{"kind": "grasp"}], {"closed": 0}, "must be a gripper without a command of its own")],
-)  # fmt: skip
+)
 def test_phases_that_a_gripper_cannot_follow_are_refused_in_one_line(phases, gripper, words):
     with pytest.raises(skyarm.ScenarioError, match=words) as caught:
         scenario_from(handled(*phases, **gripper))
@@ -226,7 +226,7 @@ def resting(**numbers):
              {"shape": "cylinder", "size": [0.03, 0.06]},
              {"shape": "cylinder", "size": [0.03, 0.06], "angles": [1.5707963267948966, 0.0, 0.3]},
              {"angles": [0.0, 0.0, 0.5], "mass": 2.0}, {}], every=3),
-)  # fmt: skip
+)
 def test_an_object_that_is_standing_begins_as_its_weight_presses_it(numbers):
     """Nothing accelerates: the sum of what the table does is the weight, without a moment."""
     scenario = scenario_from(resting(**numbers))
@@ -282,7 +282,7 @@ def test_a_plate_stands_on_the_corners_of_a_smaller_box():
      ({"mass": 1e3}, r"world.objects\[0\].mass = 1000.0: must be about 48 kg or less"),
      ({"name": "table"}, "world.objects: name = 'table': must be of one only"),
      ({"size": 0.06}, r"world.objects\[0\].size = 0.06")],
-)  # fmt: skip
+)
 def test_objects_that_cannot_be_are_refused_in_one_line(numbers, words):
     with pytest.raises(skyarm.ScenarioError, match=words) as caught:
         scenario_from(resting(**numbers))
@@ -300,7 +300,7 @@ def test_objects_that_cannot_be_are_refused_in_one_line(numbers, words):
      ({"reach": -1.0}, r"grippers\[0\].reach = -1.0: must be above 0"),
      ({"name": "box"}, "world.grippers: name = 'box': must be of one only"),
      ({"stiffness": 1e11}, "world: gripper 'magnet' asks for integration steps of")],
-)  # fmt: skip
+)
 def test_grippers_that_cannot_be_are_refused_in_one_line(numbers, words):
     found = resting()
     found["world"]["grippers"][0] |= numbers
@@ -322,7 +322,7 @@ def test_an_object_that_nothing_can_touch_asks_for_no_steps():
         "controller": {"preset": "rotors_sim_hummingbird"},
         "reference": {"base": {"kind": "hover", "position": [0.0, 0.0, 1.0]}},
         "world": {"objects": [{"name": "box", "size": [0.1] * 3, "mass": 0.1, "position": [1.0, 0.0, 1.0]}]},
-    }  # fmt: skip
+    }
     assert part_warnings(scenario_from(alone)) == ()
 
 
@@ -360,7 +360,7 @@ def test_the_semi_implicit_method_neither_heats_nor_holds_back_what_lies_there()
 def test_on_both_plants_a_ball_rolls_and_falls_the_same(integrator):
     """With the first method one takes Verlet's steps and one Runge-Kutta's, of 1 ms both; with the second the same."""
     ball = FreeObject(name="ball", shape="sphere", size=(0.05,), mass=0.1, position=Vec3(0.0, 0.0, 0.06),
-                      velocity=Vec3(0.3, 0.0, -0.1))  # fmt: skip
+                      velocity=Vec3(0.3, 0.0, -0.1))
     contact = Contact(surfaces=(Surface(name="ground"),), points=(), objects=(ball,))
     ours, theirs = (
         Scene(contact, kind=kind, integrator=integrator).fly(contact, 0.1)[1] for kind in (RigidBodyPlant, MujocoPlant)
@@ -386,7 +386,7 @@ def test_a_default_step_ends_where_fine_ones_end_one_second_after_a_hit():
     """A cylinder that tumbles on the ground at 1 m/s: within 1 mm, and finer steps are nearer."""
     thrown = FreeObject(name="it", shape="cylinder", size=(0.04, 0.1), mass=0.2, position=Vec3(0.0, 0.0, 0.15),
                         angles=Vec3(0.4, 0.9, 0.0), velocity=Vec3(0.5, -0.3, -1.0),
-                        angular_velocity=Vec3(3.0, -2.0, 4.0))  # fmt: skip
+                        angular_velocity=Vec3(3.0, -2.0, 4.0))
     ends = []
     for steps in (3, 12, 48):
         contact = Contact(surfaces=(Surface(name="ground"),), objects=(thrown,), hit_steps=steps)

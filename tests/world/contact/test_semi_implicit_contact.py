@@ -133,7 +133,7 @@ def test_plants_and_sweeps_take_the_steps_of_their_method():
         scenario = SimpleNamespace(
             agents={"main": SimpleNamespace(all_drives=())}, own_components=lambda _: (), shared_components=(contact,),
             integrator=name,
-        )  # fmt: skip
+        )
         assert stated_step(scenario) == step
         assert _stable_step(contact, {}, {}, name == "euler") == (step if name == "euler" else verlet), (
             "the shortest of all"

@@ -27,7 +27,7 @@ def test_a_standing_box_stays_where_it_is(share, friction):
     """Within 0.1 mm over 2 s, by a bristle that is bent by that share of its length along the slope."""
     angle, ground = slope(share, friction)
     box = FreeObject(name="box", size=(0.1, 0.1, 0.06), mass=0.1, standing=True, angles=Vec3(0.0, angle, 0.0),
-                     position=Vec3(0.0, 0.0, 0.0305 / math.cos(angle)))  # fmt: skip
+                     position=Vec3(0.0, 0.0, 0.0305 / math.cos(angle)))
     contact = with_standing_objects(Contact(surfaces=(ground,), objects=(box,)), GRAVITY)
     motion = PointMotion(BIRD, AWAY, gravity=GRAVITY)
     memory = contact.settle(contact.start(0.005, ()), motion, False)
@@ -42,7 +42,7 @@ def test_a_bristle_bends_no_further_than_its_length():
     """On a slope beyond the cone a box begins to slide with all of its friction."""
     angle, ground = slope(1.3, 0.3)
     box = FreeObject(name="box", size=(0.1, 0.1, 0.06), mass=0.1, standing=True, angles=Vec3(0.0, angle, 0.0),
-                     position=Vec3(0.0, 0.0, 0.0305 / math.cos(angle)))  # fmt: skip
+                     position=Vec3(0.0, 0.0, 0.0305 / math.cos(angle)))
     rough = dataclasses.replace(ground, material=Material(friction=0.5))
     held = with_standing_objects(Contact(surfaces=(rough,), objects=(box,)), GRAVITY)
     contact = dataclasses.replace(held, surfaces=(ground,))

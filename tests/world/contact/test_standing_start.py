@@ -65,7 +65,7 @@ def test_on_two_skids_it_tips_over():
 def on_slope(angles, friction, **world):
     """A scenario that begins at rest on a slope, with the rotors off."""
     points = [{"name": f"p{i}", "body": "base", "position": [x, y, -0.12]}
-              for i, (x, y) in enumerate(((0.1, 0.1), (-0.1, 0.1), (-0.1, -0.1), (0.1, -0.1)))]  # fmt: skip
+              for i, (x, y) in enumerate(((0.1, 0.1), (-0.1, 0.1), (-0.1, -0.1), (0.1, -0.1)))]
     ground = {"name": "ground", "angles": list(angles), "material": {"friction": friction}}
     return scenario_from({
         "schema": 1, "name": "slope", "duration": 0.5, "plant": {"vehicle": "hummingbird"},
@@ -73,7 +73,7 @@ def on_slope(angles, friction, **world):
         "world": {"surfaces": [ground], "points": points, **world},
         "reference": {"base": {"kind": "hover", "position": [0.0, 0.0, 0.4]}},
         "initial": {"standing": True, "position": [0.0, 0.0, 0.4]},
-    })  # fmt: skip
+    })
 
 
 @pytest.mark.parametrize("degrees", [5.0, 20.0, 37.0])
@@ -126,7 +126,7 @@ def test_a_cube_stands_on_a_slope_up_to_45_degrees_set_down_level_or_along_it(de
     slope = math.radians(degrees)
     ground = Surface(name="ground", angles=Vec3(0.0, slope, 0.0), material=Material(friction=1.1))
     cube = FreeObject(name="cube", size=(0.2, 0.2, 0.2), mass=0.5, standing=True, position=Vec3(0.0, 0.0, 1.0),
-                      angles=Vec3(0.0, slope if along else 0.0, 0.0))  # fmt: skip
+                      angles=Vec3(0.0, slope if along else 0.0, 0.0))
     (stood,) = with_standing_objects(Contact(surfaces=(ground,), objects=(cube,)), GRAVITY).objects
     assert math.degrees(stood.angles.y) == pytest.approx(degrees, abs=0.2)
     steep = dataclasses.replace(ground, angles=Vec3(0.0, math.radians(46.0), 0.0))
@@ -155,7 +155,7 @@ def set_down_drawn(kind, rng, powers):
     # the furthest that the line of the weight may move down the slope within the hull of what touches
     rows = np.vstack([np.column_stack([spots.T, -down]), [*np.ones(len(spots)), 0.0]])
     lowest = linprog([*np.zeros(len(spots)), -1.0], A_eq=rows, b_eq=[0.0, 0.0, 1.0],
-                     bounds=[(0.0, None)] * len(spots) + [(None, None)])  # fmt: skip
+                     bounds=[(0.0, None)] * len(spots) + [(None, None)])
     tipping = -lowest.fun / height
     tangent = min(1.5, tipping * rng.choice([rng.uniform(0.1, 0.95), rng.uniform(1.05, 1.3)], p=[0.8, 0.2]))
     friction = tangent * rng.choice([rng.uniform(1.04, 2.0), rng.uniform(0.5, 0.96)], p=[0.7, 0.3])
@@ -171,7 +171,7 @@ def set_down_drawn(kind, rng, powers):
             up = stand_vehicle(BIRD, GRAVITY, contact, at_rest(BIRD, (0.0, 0.0, 0.6))).quaternion.rotation().column(2)
         else:
             body = FreeObject(name="body", shape=kind, size=tuple(size.tolist()), mass=rng.uniform(0.1, 1.0),
-                              standing=True, position=Vec3(0.0, 0.0, 0.8), angles=Vec3(0.0, 0.0, yaw))  # fmt: skip
+                              standing=True, position=Vec3(0.0, 0.0, 0.8), angles=Vec3(0.0, 0.0, yaw))
             (stood,) = with_standing_objects(Contact(surfaces=(ground,), objects=(body,)), GRAVITY).objects
             up = Rotation.from_euler("xyz", [*map(float, stood.angles)]).as_matrix()[:, 2]
         assert np.array([*map(float, up)]) @ leaning.as_matrix()[:, 2] > math.cos(0.03)
@@ -189,14 +189,14 @@ def test_a_box_on_its_edge_is_refused_and_not_laid_flat():
     balanced = 0.05 * math.sqrt(2.0) - 0.1 * GRAVITY / 5000.0 / 2.0
     for lean, height in ((0.25 * math.pi, balanced), (0.25 * math.pi, 0.2), (0.35, 0.2)):
         box = FreeObject(name="box", size=(0.1, 0.3, 0.1), mass=0.1, standing=True, angles=Vec3(0.0, lean, 0.0),
-                         position=Vec3(0.0, 0.0, height))  # fmt: skip
+                         position=Vec3(0.0, 0.0, height))
         with pytest.raises(ValueError, match=r"it tips over$"):
             with_standing_objects(Contact(surfaces=(ground,), objects=(box,)), GRAVITY)
 
 
 def test_a_cylinder_tips_over_the_lowest_point_of_its_rim():
     body = FreeObject(name="body", shape="cylinder", size=(0.1, 0.2), mass=0.3, standing=True,
-                      position=Vec3(0.0, 0.0, 0.5), angles=Vec3(0.0, 0.0, 0.4))  # fmt: skip
+                      position=Vec3(0.0, 0.0, 0.5), angles=Vec3(0.0, 0.0, 0.4))
     for degrees, way in ((47.0, 1.0), (50.0, -1.0)):
         angles = Vec3(0.0, way * math.radians(degrees), 0.0)
         ground = Surface(name="ground", angles=angles, material=Material(friction=2.0))
@@ -214,7 +214,7 @@ def test_what_tips_over_by_its_softness_alone_is_told_so(shape, size, degrees, s
     assert degrees < rigid
     body = FreeObject(name="body", shape=shape, size=size, mass=0.5, standing=True, position=Vec3(0.0, 0.0, 1.0))
     soft, hard = (Surface(name="ground", angles=Vec3(0.0, math.radians(degrees), 0.0),
-                          material=Material(friction=5.0, stiffness=each)) for each in (stiffness, 1e5))  # fmt: skip
+                          material=Material(friction=5.0, stiffness=each)) for each in (stiffness, 1e5))
     words = r"a rigid one beyond (.*) degrees, a soft one earlier; the slope has (.*) \(less slope, or more stiffness\)"
     with pytest.raises(ValueError, match=words) as refused:
         with_standing_objects(Contact(surfaces=(soft,), objects=(body,)), GRAVITY)
@@ -226,7 +226,7 @@ def test_what_tips_over_by_its_softness_alone_is_told_so(shape, size, degrees, s
 
 def test_a_cylinder_across_the_slope_has_no_angle():
     body = FreeObject(name="body", shape="cylinder", size=(0.05, 0.2), mass=0.5, standing=True,
-                      position=Vec3(0.0, 0.0, 1.0), angles=Vec3(0.5 * math.pi, 0.0, 0.0))  # fmt: skip
+                      position=Vec3(0.0, 0.0, 1.0), angles=Vec3(0.5 * math.pi, 0.0, 0.0))
     ground = Surface(name="ground", angles=Vec3(0.0, math.radians(5.0), 0.0), material=Material(friction=5.0))
     with pytest.raises(ValueError, match=r"it tips over as it lies; the slope has 5 degrees \(level ground"):
         with_standing_objects(Contact(surfaces=(ground,), objects=(body,)), GRAVITY)
@@ -234,9 +234,9 @@ def test_a_cylinder_across_the_slope_has_no_angle():
 
 def test_what_is_in_equilibrium_already_is_asked_for_friction_too():
     box = FreeObject(name="box", size=(0.1, 0.1, 0.1), mass=0.1, standing=True, position=Vec3(0.0, 0.0, 0.5),
-                     angles=Vec3(0.0, 0.3, 0.0))  # fmt: skip
+                     angles=Vec3(0.0, 0.3, 0.0))
     rough, smooth = (Surface(name="ground", angles=Vec3(0.0, 0.3, 0.0), material=Material(friction=mu))
-                     for mu in (0.5, 0.1))  # fmt: skip
+                     for mu in (0.5, 0.1))
     held = with_standing_objects(Contact(surfaces=(rough,), objects=(box,)), GRAVITY)
     assert with_standing_objects(held, GRAVITY) == held
     with pytest.raises(ValueError, match="and it slides"):
@@ -245,7 +245,7 @@ def test_what_is_in_equilibrium_already_is_asked_for_friction_too():
 
 @pytest.mark.parametrize("kind", ["box", "cylinder", "feet"])
 @pytest.mark.parametrize(("powers", "count"), [((4.0, 5.0), 5), ((7.0, 9.0), 2),
-                                               pytest.param((6.0, 9.0), 20, marks=pytest.mark.thorough)])  # fmt: skip
+                                               pytest.param((6.0, 9.0), 20, marks=pytest.mark.thorough)])
 def test_drawn_bodies_stand_up_to_the_angles_of_tipping_and_friction(kind, powers, count):
     """On ground of some stiffness, and on one into which they sink by a nanometre."""
     rng = np.random.default_rng(20)
@@ -260,7 +260,7 @@ def test_on_very_stiff_ground_rounding_neither_slides_nor_stands_on_an_edge(stif
     flat, edge = (
         FreeObject(name="box", size=(0.1, 0.3, 0.1), mass=0.1, standing=True, angles=Vec3(0.0, lean, 0.7),
                    position=Vec3(3.0, 2.0, 0.3)) for lean in (0.01, 0.25 * math.pi)
-    )  # fmt: skip
+    )
     (stood,) = with_standing_objects(Contact(surfaces=(ground,), objects=(flat,)), GRAVITY).objects
     assert float(stood.position.z) == pytest.approx(0.05 - 0.1 * GRAVITY / (4.0 * stiffness), abs=1e-15)
     with pytest.raises(ValueError, match=r"it tips over$"):

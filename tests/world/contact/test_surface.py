@@ -41,7 +41,7 @@ def test_the_normal_leads_to_the_surface_and_is_the_slope_of_the_depth(name):
         assert np.linalg.norm(n) == pytest.approx(1.0, abs=1e-9)
         assert depth(surface, point + n * found, 1e-9)[0] == pytest.approx(0.0, abs=1e-6)
         slope = [(depth(surface, point + h * e, 1e-9)[0] - depth(surface, point - h * e, 1e-9)[0]) / (2 * h)
-                 for e in np.eye(3)]  # fmt: skip
+                 for e in np.eye(3)]
         assert slope == pytest.approx(-n, abs=1e-5)
 
 
@@ -148,7 +148,7 @@ def test_zeros_of_a_file_are_structure_and_cost_nothing():
      ({"size": (1.0,)}, "must be left out of a plane"),
      ({"shape": "sphere", "size": (-1.0,)}, "must be above 0"),
      ({"name": ""}, "must not be empty")],
-)  # fmt: skip
+)
 def test_surfaces_that_cannot_be_are_refused(fields, words):
     with pytest.raises(ValueError, match=words):
         Surface(**{"name": "s", **fields})

@@ -94,7 +94,7 @@ PHYSICS_LINE = (
 OUTSIDE_PARAMETERS = {
     "GUID_OPTIONS": 8, "GUID_TIMEOUT": 0.2, "SERIAL1_PROTOCOL": 2, "ATC_RAT_YAW_FLTE": 0,
     "ATC_ACCEL_R_MAX": 0, "ATC_ACCEL_P_MAX": 0, "ATC_ACCEL_Y_MAX": 0, "ATC_ANGLE_BOOST": 0,
-}  # fmt: skip
+}
 """Parameters for an external law: a set point's thrust is a thrust; level after so many s without set points;
 MAVLink 2; no filters of yaw and no slewing of rates, behind which a law's control oscillates; no division of the thrust
 by the cosine of the tilt (AC_AttitudeControl_Multi, get_throttle_boosted), which a law's thrust contains."""
@@ -202,7 +202,7 @@ class ArduPilotLink(ProgramLink):
                 "--sim-port-out", str(self._udp.getsockname()[1]), "--rc-in-port", str(_free_port()),
                 "--serial0", f"tcpclient:127.0.0.1:{listener.getsockname()[1]}", "--serial1",
                 f"udpclient:127.0.0.1:{ONBOARD_PORT}" if self._record.outside else "none:1", "--serial2", "none:2",
-            ]  # fmt: skip
+            ]
             self._launch(command, folder)
             self._tcp = self._accept(listener)
 

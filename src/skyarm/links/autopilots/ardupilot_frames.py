@@ -57,7 +57,7 @@ FRAMES = (
     ArduPilotFrame("octorotor X", 3, 1, tuple((angle + 22.5, spin) for angle, spin in _OCTA)),
     ArduPilotFrame("coaxial octorotor +", 4, 0, _COAXIAL),
     ArduPilotFrame("coaxial octorotor X", 4, 1, tuple((angle + 45, spin) for angle, spin in _COAXIAL)),
-)  # fmt: skip
+)
 """Supported frames, in the order in which they are tried."""
 
 

@@ -236,7 +236,7 @@ def controller_with(autopilot: Autopilot, model: Model, joint_gains: JointGains 
     gains = joint_gains if joint_gains is not None else default_joint_gains(model)
     par = AutopilotParameters(
         model=model, joint_gains=gains, mixer=fitting_mixer(model, "clip"), autopilot=autopilot
-    )  # fmt: skip
+    )
     return Controller(name=autopilot.name, law=move_arm, par=par)
 
 

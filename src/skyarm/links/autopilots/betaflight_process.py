@@ -24,7 +24,7 @@ MOTORS_PORT, STATE_PORT, RADIO_PORT, CONSOLE_PORT = 9001, 9003, 9004, 5761
 GUARDED_PORTS = (
     (socket.SOCK_DGRAM, MOTORS_PORT), (socket.SOCK_DGRAM, STATE_PORT), (socket.SOCK_DGRAM, RADIO_PORT),
     (socket.SOCK_STREAM, CONSOLE_PORT),
-)  # fmt: skip
+)
 
 VERSION_REQUEST, VERSION_ANSWER = b"$M<\x00\x01\x01", b"$M>"
 """MSP's request for the version, which any Betaflight answers, and the head of an answer."""

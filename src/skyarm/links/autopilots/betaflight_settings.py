@@ -143,19 +143,19 @@ def console_lines(vehicle: Vehicle, gravity: float, parameters: Mapping[str, flo
     words = {
         "rates_type": "ACTUAL", "rc_smoothing": "OFF", "runaway_takeoff_prevention": "OFF", "iterm_relax": "OFF",
         "simplified_pids_mode": "OFF", "tpa_mode": "D",
-    }  # fmt: skip
+    }
     numbers: dict[str, float] = {
         "min_check": LOWEST_STICK, "motor_idle": round(IDLE * 1e4), "thrust_linear": round(LINEARIZATION * 100),
         "angle_limit": round(TILT_LIMIT), "angle_feedforward": 0,
         "throttle_boost": 0, "anti_gravity_gain": 0, "small_angle": 180, "failsafe_delay": 200, "tpa_rate": 0,
         "airmode_start_throttle_percent": 5,
-    }  # fmt: skip
+    }
     for axis, rate in (("roll", 20), ("pitch", 20), ("yaw", round(YAW_LIMIT / 10))):  # straight lines
         numbers |= {f"{axis}_rc_rate": rate, f"{axis}_srate": rate, f"{axis}_expo": 0}
     numbers |= loops | dict(parameters)
     return lines + [f"set {name} = {value}" for name, value in words.items()] + [
         f"set {name} = {value:g}" for name, value in numbers.items()
-    ]  # fmt: skip
+    ]
 
 
 class Sticks:
@@ -189,7 +189,7 @@ def state_message(seconds: float, imu: Numbers, pose: Numbers, velocity: Iterabl
     return STATE.pack(
         seconds, *to_our_axes(p, q, r), -fx, -fy, -fz, *to_our_attitude(qw, qx, qy, qz), *to_our_axes(vx, vy, vz),
         *to_our_axes(x, y, z), 101325.0 - 12.0 * z,
-    )  # fmt: skip
+    )
 
 
 def shown_numbers(numbers: Sequence[float]) -> str:

@@ -97,7 +97,7 @@ class GuidedVehicle(MavlinkVehicle):
         self.tell_autopilot(
             "SET_POSITION_TARGET_LOCAL_NED", time_boot_ms=round(time * 1e3), coordinate_frame=1,
             type_mask=POSITION_MASK, x=x, y=y, z=z, vx=vx, vy=vy, vz=vz, afx=ax, afy=ay, afz=az, yaw=-goal.yaw,
-        )  # fmt: skip
+        )
 
     def has_parameters(self, time: float, patience: float) -> bool:
         """Request the user's parameters, a few at a time; True once the autopilot reported all of them as stated.

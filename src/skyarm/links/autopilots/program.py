@@ -83,7 +83,7 @@ class Child:
                     ["/bin/sh", "-c", GUARD, "skyarm", str(folder), *command],
                     cwd=folder, env={**inherited, **(environment or {})}, stdin=read_end, stdout=output,
                     stderr=subprocess.STDOUT, start_new_session=True,
-                )  # fmt: skip
+                )
         except OSError as error:
             os.close(self._pipe)
             shutil.rmtree(folder, ignore_errors=True)

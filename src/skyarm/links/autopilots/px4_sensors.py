@@ -134,7 +134,7 @@ class SensorMessages:
         updated = INERTIAL
         fields = {
             "xgyro": p, "ygyro": q, "zgyro": r, "xacc": fx, "yacc": fy, "zacc": fz, "temperature": 20.0,
-        }  # fmt: skip
+        }
         read, *field = readings["magnetometer"]
         if self._is_new("magnetometer", read):
             updated |= MAGNETIC

@@ -31,7 +31,7 @@ from skyarm.links.outside.px4_topics import (
     OFFBOARD_BIT,
     OUT,
     TYPES,
-)  # fmt: skip
+)
 from skyarm.links.outside.state_frames import AutopilotState
 from skyarm.links.ros.node import Content, RosError
 from skyarm.links.ros.ros2_node import MOST_DOMAIN, Ros2Node
@@ -108,7 +108,7 @@ class DdsLink(Estimates):
         self._readers = {
             INERTIAL: self._hear_inertial, ODOMETRY: self._hear_odometry, MODE: self._hear_mode,
             LANDED: self._hear_landed, ANSWER: self._hear_answer, f"{ANSWER}_v1": self._hear_answer,
-        }  # fmt: skip
+        }
 
     @property
     def has_autopilot(self) -> bool:
@@ -169,7 +169,7 @@ class DdsLink(Estimates):
         self._send(
             COMMAND, timestamp=self._stamp(), param1=1.0, param2=float(main), param3=float(sub), command=SET_MODE,
             source_system=OURS[0], source_component=OURS[1], from_external=1,
-        )  # fmt: skip
+        )
 
     def _send(self, topic: str, **values: float | tuple[float, ...]) -> None:
         self._node.send(self._space + topic, encode(IN[topic], DEFINITIONS, values, 1)[0].tobytes())
@@ -197,6 +197,6 @@ class DdsLink(Estimates):
         state = AutopilotState(
             time=1e-6 * m["timestamp_sample"], position=to_our_axes(*m["position"]), quaternion=quaternion,
             velocity=velocity, rate=to_our_axes(*m["angular_velocity"]), specific_force=self._force,
-        )  # fmt: skip
+        )
         if m["pose_frame"] in (NED, FRD) and frame in (m["pose_frame"], BODY):
             self._keep(state)

@@ -72,7 +72,7 @@ class FlightRecord:
             states=_table(self.states, 13 + 2 * n + rotors)[rows], commands=_table(self.commands, rotors + n)[rows],
             measurement=None, readings=(),
             wind=WindSample(), found=none, led=none,
-        )  # fmt: skip
+        )
         piece = AgentPiece(plain, episode_inputs(plain), 0, flown)
         log = log_of_agent(plain, [piece], ended)
         log.info["outside"] = facts

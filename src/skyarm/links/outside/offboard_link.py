@@ -193,7 +193,7 @@ class OffboardLink(Estimates, MavlinkVehicle):
         self.tell_autopilot(
             "SET_ATTITUDE_TARGET", time_boot_ms=round(time.monotonic() * 1e3) & 0xFFFFFFFF, type_mask=NO_ATTITUDE,
             q=(1.0, 0.0, 0.0, 0.0), body_roll_rate=p, body_pitch_rate=q, body_yaw_rate=r, thrust=float(command.thrust),
-        )  # fmt: skip
+        )
 
     def close(self) -> None:
         """Close the UDP socket of the connection."""
@@ -237,7 +237,7 @@ class OffboardLink(Estimates, MavlinkVehicle):
         state = AutopilotState(
             time=at, position=place.position + place.velocity * ahead, quaternion=quaternion, velocity=place.velocity,
             rate=rate, specific_force=self._force,
-        )  # fmt: skip
+        )
         if abs(ahead) <= OLD:
             self._keep(state)
 

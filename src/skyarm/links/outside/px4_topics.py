@@ -64,7 +64,7 @@ ODOMETRY, INERTIAL, MODE, LANDED, ANSWER = (
     for name in (
         "vehicle_odometry", "sensor_combined", "vehicle_control_mode", "vehicle_land_detected", "vehicle_command_ack",
     )
-)  # fmt: skip
+)
 
 COMMAND, ALIVE, MOTORS = (f"/fmu/in/{name}" for name in ("vehicle_command", "offboard_control_mode", "actuator_motors"))
 

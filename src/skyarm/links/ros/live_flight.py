@@ -110,7 +110,7 @@ def fly_with_topics(
     return fly_live(
         scenario, open_node(version), pace=pace or math.inf, advance=advance, preparing=preparing,
         warn=lambda line: say(f"warning: {line}"),
-    )  # fmt: skip
+    )
 
 
 def fly_live(

@@ -164,7 +164,7 @@ class GripTotals(Metric):
             begun=where(holds, 1.0, memory.begun),
             x=first.x, y=first.y, z=first.z,
             turned=turned,
-        )  # fmt: skip
+        )
 
 
 @immutable
@@ -291,5 +291,5 @@ TOTALED: Mapping[str, tuple[str, Callable[[Any], AnyArray], str, str]] = {
         "grip", lambda of: _if_gripped(of, of.largest), "largest radial force on the gripped handle", "N"
     ),
     "grip_lag_max": ("grip", lambda of: _if_gripped(of, of.behind), "largest lag angle of the gripped handle", "rad"),
-}  # fmt: skip
+}
 """Metric -> its totals, function from them to its value, description and unit."""

@@ -126,7 +126,7 @@ class Windows:
         general = Windows(
             steady=after, transient=Window(0.0, settled), gust=after, hover=after, holds=(after,),
             last=min(LAST, duration - settled),
-        )  # fmt: skip
+        )
         # the last that states a window has it
         ranked = (general, own or self, self)
         chosen = {

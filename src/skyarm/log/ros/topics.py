@@ -212,7 +212,7 @@ Fields = Mapping[str, Array]
 
 ODOMETRY, POINT, JOINTS, OWN = (
     "nav_msgs/Odometry", "geometry_msgs/PointStamped", "sensor_msgs/JointState", "skyarm_msgs/Reading"
-)  # fmt: skip
+)
 
 BASE_SIZES = {"position": 3, "quaternion": 4, "velocity": 3, "rate": 3}
 """Number of components of the fields that form an odometry."""

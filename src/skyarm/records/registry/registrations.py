@@ -213,8 +213,8 @@ class Register:
                 raise RegistryError(f"{place_of(name)}: register.{kind}: name = {shown(name)}: {words}")
 
             def decorate(thing: Thing) -> Thing:
-                words = (thing.__doc__ or "").strip().splitlines()
-                add(kind, name, thing, title or (words[0].rstrip(".") if words else ""))
+                summary = " ".join((thing.__doc__ or "").strip().partition("\n\n")[0].split())
+                add(kind, name, thing, title or summary.rstrip("."))
                 return thing
 
             return decorate

@@ -133,7 +133,7 @@ def at_least(
 
 
 def at_most(question: str, value: float, *words: str, fault: float = math.inf, warning: float = math.inf,
-            **more: Unpack[Details]) -> Finding:  # fmt: skip
+            **more: Unpack[Details]) -> Finding:
     """Check result for a value that must not exceed its fault and warning limits."""
     mirrored = at_least(question, -value, *words, fault=-fault, warning=-warning, **more)
     return replace(mirrored, value=value, limit=more.get("limit", -mirrored.limit))

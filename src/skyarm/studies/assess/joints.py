@@ -58,7 +58,7 @@ def effort_limits(vehicle: Vehicle) -> Array:
     limits = {joint.name: float(joint.effort_limit) or math.inf for joint in vehicle.joints}
     return np.array([
         min(limit, float(servos[name].largest_effort())) if name in servos else limit for name, limit in limits.items()
-    ])  # fmt: skip
+    ])
 
 
 OFTEN = 0.05

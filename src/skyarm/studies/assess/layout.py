@@ -113,7 +113,7 @@ def _coefficients(vehicle: Vehicle) -> list[Finding]:
         ("thrust_coefficient", thrusts, THRUST_COEFFICIENTS, "C_T on the largest disc that fits",
          "N s^2/rad^2, not N per (rev/min)^2?"),
         ("moment_coefficient", arms, MOMENT_ARMS, "torque over thrust, in radii", "m; torque over thrust"),
-    ):  # fmt: skip
+    ):
         middle = 0.5 * math.log(least * most)
         value, rotor = max(
             zip(values, vehicle.rotors, strict=True), key=lambda each: abs(math.log(max(each[0], 1e-300)) - middle)

@@ -107,7 +107,7 @@ def _remarks(contact: Contact, index: int, motion: PointMotion) -> list[str]:
 def _balance(
     body: str, weight: float, middle: Array, rows: Sequence[tuple[Grasp, Vec3, Vec3]], motion: PointMotion,
     remarks: list[str],
-) -> Balance:  # fmt: skip
+) -> Balance:
     """Static equilibrium of a body.
 
     Args:

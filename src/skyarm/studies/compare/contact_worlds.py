@@ -64,7 +64,7 @@ def draw_worlds(task: Task, scenario: Scenario, count: int, *, seed: int) -> Wor
     drawn = count + 16 + 2 * math.ceil(count * MOST_DISCARDED)
     share = uniforms(seed, np.arange(drawn), CHANNEL, 0, NUMBERS)
     every = {"stiffness": _log(STIFFNESS, share[:, 0]), "friction": _uniform(task.friction, share[:, 1]),
-             "wind": task.wind * share[:, 2], "mass": _log(MASS, share[:, 3])}  # fmt: skip
+             "wind": task.wind * share[:, 2], "mass": _log(MASS, share[:, 3])}
     feasible = np.flatnonzero(feasible_worlds(task, scenario, every))[:count]
     last = int(feasible[-1]) + 1 if feasible.size else drawn
     # of a handful of worlds chance alone may discard a third

@@ -318,7 +318,7 @@ def envelope_report(found: Record, picture: bytes | None = None) -> Report:
     axes, laws = found["axes"], found["laws"]
     seconds = " and ".join(f"{each:g} s" for each in sorted({axis["window_s"][1] for axis in axes.values()}))
     counted = [f"{len(each)} {one if len(each) == 1 else many}" for each, one, many in
-               ((laws, "law", "laws"), (axes, "axis", "axes"))]  # fmt: skip
+               ((laws, "law", "laws"), (axes, "axis", "axes"))]
     return report_of(
         f"The envelope of {found['vehicle']}",
         f"{', '.join(counted)}, seed {found['seed']}, plant {found['plant']}",

@@ -228,7 +228,7 @@ def tuning_flight(scenario: Scenario, *, own_motion: bool = False, unseen: bool 
         "windows": Windows(steady=UNSEEN if unseen else Window(SETTLED, BLOWN), gust=Window(BLOWN, STEPPED)),
         "reference": (unseen_motion if unseen else motion)(scenario.agent.vehicle),
         "path_time": None,
-    }  # fmt: skip
+    }
     return with_words(
         with_words(scenario.as_begun.with_kind("rigid_body"), **words),
         noise=with_noise(scenario.agent).noise,

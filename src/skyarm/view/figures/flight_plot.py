@@ -74,7 +74,7 @@ SEEN = {TOP: ("from above", "x [m]", "y [m]"), SIDE: ("from the right", "x [m]",
 def draw_view(
     ax: Axes, view: Projection, named: Named, span: Span,
     world: Scene,
-) -> Handles:  # fmt: skip
+) -> Handles:
     """Draw tip paths and surroundings in one projection; returns the legend entries.
 
     Args:
@@ -146,7 +146,7 @@ def world_of(named: Named, span: Span) -> Scene:
             agents[name] = Instants(
                 vehicle=agent.vehicle, times=log.time[ends], position=own.position[ends],
                 quaternion=own.quaternion[ends], joints=own.joints[ends], around=around, name=name,
-            )  # fmt: skip
+            )
         name, first = next(iter(agents)), team[0]
         seen = replace(agents[name], agents=agents)
         scene = scene_in_log(scenario.of(name).components, seen, lambda name: first.component(name)[ends])  # noqa: B023
@@ -281,7 +281,7 @@ def _draw(ax: Axes, panel: Panel, named: Named, span: Span) -> Handles:
             ax.plot(
                 log.time[-1:], values[-1:], marker="X", markersize=0.8 * PAPER.small, markeredgecolor=PAPER.face,
                 color=PAPER.look(i).color, zorder=4.0, label="_end",
-            )  # fmt: skip
+            )
         group = completed if log.status == "completed" else lost
         group += [each[inside] for each in (*(curve for _, curve, _ in curves), desired) if each is not None]
     for time, desired in _different_references(panel, named):
@@ -342,12 +342,12 @@ def _mark_events(ax: Axes, events: Mapping[Event, str], span: Span) -> Handles:
             handles[label] = ax.axvline(
                 event.start, zorder=0.3, label=f"_{label}", color=PAPER.frame, linewidth=0.08 * PAPER.text,
                 linestyle=dash,
-            )  # fmt: skip
+            )
         else:
             handles[label] = ax.axvspan(
                 event.start, min(event.stop, span[1]), hatch=HATCHES[i % 4], linewidth=0.0, zorder=0.2,
                 facecolor=PAPER.shades[i % len(PAPER.shades)], edgecolor=PAPER.grid,
-            )  # fmt: skip
+            )
     return handles
 
 

@@ -91,7 +91,6 @@ class PaperFigure:
         ]
 
 
-# fmt: off
 PAPER_CATALOGUE: Mapping[int, PaperFigure] = {
     3: PaperFigure("case1", "Roll and pitch", "Quadrotor roll and pitch while hovering with an arm ramp.", ATTITUDE),
     4: PaperFigure(
@@ -130,7 +129,6 @@ PAPER_CATALOGUE: Mapping[int, PaperFigure] = {
     17: PaperFigure("case3_wind", "Roll and pitch", "Quadrotor orientation in a constant wind along x.", ATTITUDE),
     18: PaperFigure("case3_wind", "Tip error", "Norm of the tip error in a constant wind along x.", (TOOL_ERROR,)),
 }
-# fmt: on
 
 
 def by_hold(log: Log, values: Array | None) -> tuple[Array, Array]:

@@ -266,7 +266,7 @@ class Arrows:
         self._node = scene.add_arrows(
             name, self._points, np.array(colors, np.uint8), shaft_radius=radius, head_radius=HEAD[0] * radius,
             head_length=HEAD[1] * radius, visible=False,
-        )  # fmt: skip
+        )
         self._acting = False
 
     def point(self, ends: Array) -> None:

@@ -261,7 +261,7 @@ class Contact(ContactSteps):
     def push(
         self, memory: ContactMemory, t: Scalar, motion: PointMotion, rotor_speeds: Sequence[Scalar], dt: Scalar,
         felt: ContactMemory | None = None,
-    ) -> ContactMemory:  # fmt: skip
+    ) -> ContactMemory:
         """Internal state of the contact model after forces accelerated the movable bodies for ``dt`` (s)."""
         felt = memory if felt is None else felt
         pushes = self.on_carriers(felt, motion, self.meetings(felt, motion), t)

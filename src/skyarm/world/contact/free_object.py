@@ -313,7 +313,7 @@ def largest_mobility(shape: str, size: Sequence[Scalar], com: Vec3, mass: Scalar
             _face(4, 4.0 * halves[a] * halves[a], 4.0 * halves[b] * halves[b], com[a], com[b], mass, moments[a],
                   moments[b])
             for a, b in ((0, 1), (1, 2), (2, 0))
-        ]  # fmt: skip
+        ]
     ends = [1.0 / mass + _reach(half, Vec3(0, 0, com[i])) / least for i, half in enumerate(halves)]
     return reduce(maximum, [*faces, *ends])
 

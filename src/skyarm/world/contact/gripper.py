@@ -289,7 +289,7 @@ class Gripper:
             taken=taken, ready=where(opened, 1.0, where(used, 0.0, grip.ready)),
             lost=grip.lost + where(_both(holding, _both(closed, broken)), 1.0, 0.0),
             place=place, normal=normal, turn=turn,
-        )  # fmt: skip
+        )
 
 
 def is_taken(taken: Scalar, number: float) -> Scalar:
@@ -319,5 +319,5 @@ _NOTHING = Vec3(0.0, 0.0, 0.0)
 
 UNCHANGED = Grip(
     taken=0.0, ready=0.0, lost=0.0, place=_NOTHING, normal=_NOTHING, turn=Mat3(_NOTHING, _NOTHING, _NOTHING)
-)  # fmt: skip
+)
 """Rate of a grip's internal state: zero, since it changes at control instants only."""

@@ -157,7 +157,7 @@ class Mechanism(Carrier[MechanismMotion]):
             return self.parts
         own = Surface(
             name=self.name, shape=solid.shape, size=solid.size, position=solid.middle, material=self.material
-        )  # fmt: skip
+        )
         return (own, *self.parts)
 
     @property

@@ -138,7 +138,7 @@ def _instant_of(motion: PointMotion, time: float, around: Array) -> Instants:
     return Instants(
         vehicle=motion.vehicle, times=np.array([time]), position=position, quaternion=quaternion, joints=joints,
         around=around, name=motion.name,
-    )  # fmt: skip
+    )
 
 
 def hidden_share(solids: Iterable[Solid], places: Array, towards: Array) -> float:
