@@ -36,7 +36,8 @@ def measured(path: Path) -> Times:
     times: Times = defaultdict(dict)
     root = Path(__file__).parents[1]
     for case in ElementTree.parse(path).iter("testcase"):
-        if case.find("skipped") is not None:  # of a module that is left out the name is no path
+        # of a module that is left out the name is no path
+        if case.find("skipped") is not None:
             continue
         file = Path(*case.attrib["classname"].split(".")).with_suffix(".py")
         if (root / file).is_file():

@@ -82,7 +82,8 @@ def run_shown(line: str) -> tuple[int, str]:
     begins = max((each for each in SMALLER if words.startswith(each)), key=len, default="")
     options = SMALLER.get(begins, ())
     if begins == "film" and words.split("-o ")[-1].split()[0].endswith((".html", ".viser")):
-        options = options[:3]  # a recording is drawn where it is watched: it has no size
+        # a recording is drawn where it is watched: it has no size
+        options = options[:3]
     if begins.startswith("compare") and "--laws" not in words:
         # of any vehicle in the envelope; a suite of all laws takes minutes
         options = (*options, "--laws", "centroidal_tip" if "envelope" in begins else "paper_ct")

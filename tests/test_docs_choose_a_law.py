@@ -91,7 +91,8 @@ def test_without_an_accelerometer_the_centroidal_law_flies_by_velocities() -> No
 
 
 def test_the_options_that_spare_a_sensor_do() -> None:
-    spared = made("indi", measured_speeds=False)  # its first period takes the speeds of the start
+    # its first period takes the speeds of the start
+    spared = made("indi", measured_speeds=False)
     assert commands(spared, 1, rotor_speeds=bent) == commands(spared)
     assert commands(made("indi"), 1, rotor_speeds=bent) != commands(made("indi"))
     second = made("ct_ladder", steps=2)

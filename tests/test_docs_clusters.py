@@ -140,4 +140,5 @@ class TestOnRay:
         import yaml
         from ray.autoscaler._private.util import validate_config
 
-        validate_config({**yaml.safe_load(YAML), "cluster_synced_files": []})  # a field that the launcher adds
+        # a field that the launcher adds
+        validate_config({**yaml.safe_load(YAML), "cluster_synced_files": []})

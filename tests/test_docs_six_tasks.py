@@ -107,7 +107,8 @@ def test_a_study_may_be_a_file_or_its_tables(tmp_path: Path) -> None:
         "utf-8",
     )
     first = skyarm.fly_sweep(tables, tmp_path / "out")
-    second = skyarm.fly_sweep(str(file), tmp_path / "out")  # the same study, so that nothing is flown again
+    # the same study, so that nothing is flown again
+    second = skyarm.fly_sweep(str(file), tmp_path / "out")
     third = skyarm.fly_sweep(skyarm.load_study(file), tmp_path / "out", workers=2)
     assert first.count == second.count == third.count == 2
     with pytest.raises(skyarm.StudyError, match="episodes = 3: must be 2 as in the rows"):

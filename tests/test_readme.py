@@ -100,7 +100,8 @@ def test_every_command_shown_is_understood(line, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     with registry_kept():
         done = skyarm(*words_to_run(line))
-    if needs_program(line):  # which is somebody's own: the command is understood up to there
+    # which is somebody's own: the command is understood up to there
+    if needs_program(line):
         assert done.err.startswith("skyarm: autopilot: ")
         assert "'s program is missing" in done.err
         return

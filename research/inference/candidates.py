@@ -119,7 +119,8 @@ class Candidates:
         numbers = self.study.numbers(flight, {**fixed, **columns})
         table = self.study.scenario_tables(flight, fixed)
         names = self._family
-        if not set(numbers) <= self._paths(flight, names):  # a rival's may be faster, and has code of its own
+        # a rival's may be faster, and has code of its own
+        if not set(numbers) <= self._paths(flight, names):
             names = tuple(dict.fromkeys([*names, *(name for name in (*fixed, *columns) if name in self._rivals)]))
         paths = tuple(sorted({*self._paths(flight, names), *numbers}))
         effort = 2 if names == self._family else 0

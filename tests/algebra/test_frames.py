@@ -31,10 +31,14 @@ def units(seed: int, count: int = 40) -> np.ndarray:
 @pytest.mark.parametrize(
     ("wire", "nose", "left", "up"),
     [
-        ((1.0, 0.0, 0.0, 0.0), NORTH, WEST, ABOVE),  # MAVLink: "a zero rotation would be expressed as (1 0 0 0)"
-        ((HALF, 0.0, 0.0, HALF), EAST, NORTH, ABOVE),  # a quarter about down: clockwise from above
-        ((HALF, HALF, 0.0, 0.0), NORTH, ABOVE, EAST),  # about forward: the right side goes down
-        ((HALF, 0.0, HALF, 0.0), ABOVE, WEST, [-1, 0, 0]),  # about right: the nose goes up
+        # MAVLink: "a zero rotation would be expressed as (1 0 0 0)"
+        ((1.0, 0.0, 0.0, 0.0), NORTH, WEST, ABOVE),
+        # a quarter about down: clockwise from above
+        ((HALF, 0.0, 0.0, HALF), EAST, NORTH, ABOVE),
+        # about forward: the right side goes down
+        ((HALF, HALF, 0.0, 0.0), NORTH, ABOVE, EAST),
+        # about right: the nose goes up
+        ((HALF, 0.0, HALF, 0.0), ABOVE, WEST, [-1, 0, 0]),
     ],
 )
 def test_an_attitude_of_px4_and_mavlink_is_w_x_y_z_from_frd_to_ned_axes(

@@ -67,7 +67,8 @@ def test_the_quaternion_of_a_rotation_vector_is_that_of_scipy_also_near_zero(eng
     wanted = []
     for v in VECTORS:
         x, y, z, w = Rotation.from_rotvec(v).as_quat()
-        same_half = np.sign(w * math.cos(0.5 * np.linalg.norm(v)) or 1.0)  # past a turn ours goes on, SciPy's may not
+        # past a turn ours goes on, SciPy's may not
+        same_half = np.sign(w * math.cos(0.5 * np.linalg.norm(v)) or 1.0)
         wanted.append(same_half * np.array([w, x, y, z]))
     assert np.allclose(found, wanted, rtol=1e-13, atol=2e-16)
 
@@ -92,7 +93,8 @@ def test_normalisation_gives_unit_length_and_keeps_the_direction(engine):
     lanes = 3.0 * RNG.normal(size=(5, 4))
     found = evaluate(engine, lambda *q: list(Quaternion(*q).normalized()), lanes)
     assert np.allclose(found, lanes / np.linalg.norm(lanes, axis=1, keepdims=True), rtol=0.0, atol=1e-15)
-    with np.errstate(invalid="ignore"):  # 0 * inf: NumPy warns of it in its own operators
+    # 0 * inf: NumPy warns of it in its own operators
+    with np.errstate(invalid="ignore"):
         zero = evaluate(engine, lambda *q: list(Quaternion(*q).normalized()), [[0.0] * 4])
     assert np.all(np.isnan(zero))
 

@@ -166,7 +166,8 @@ def test_a_turning_body_feels_the_rate_of_its_own_momentum(engine):
     found = evaluate(engine, lambda *x: wrench(rigid(x).velocity_force(Vec3(*x[10:13]))), lanes)
     for row, inertia, lane in zip(found, inertias, lanes, strict=True):
         w = lane[10:]
-        momentum = inertia @ np.concatenate([w, np.zeros(3)])  # turns with the body: its derivative is w x
+        # turns with the body: its derivative is w x
+        momentum = inertia @ np.concatenate([w, np.zeros(3)])
         wanted = [*np.cross(w, momentum[:3]), *np.cross(w, momentum[3:])]
         assert np.allclose(row, wanted, rtol=0.0, atol=ROUNDING)
 

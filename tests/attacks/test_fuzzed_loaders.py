@@ -446,7 +446,8 @@ def test_some_hundred_wrong_files(name: str, tmp_path: Path) -> None:
     assert found.refused > 0.2 * QUICK[name]
 
 
-@pytest.mark.filterwarnings("ignore::skyarm.scenario.without_effect.WithoutEffectWarning")  # of odd numbers
+# of odd numbers
+@pytest.mark.filterwarnings("ignore::skyarm.scenario.without_effect.WithoutEffectWarning")
 @pytest.mark.attack
 @pytest.mark.parametrize("part", range(10))
 @pytest.mark.parametrize("name", LOADERS)

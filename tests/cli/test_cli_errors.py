@@ -465,7 +465,8 @@ def test_a_missing_optional_library_is_named_with_its_extra(tmp_path, monkeypatc
     hiding = {**os.environ, "PYTHONPATH": os.pathsep.join([str(tmp_path), os.environ.get("PYTHONPATH", "")])}
     done = subprocess.run(words, capture_output=True, text=True, timeout=120, env=hiding, check=False, cwd=tmp_path)
     assert (done.returncode, done.stdout) == (2, "")
-    monkeypatch.chdir(tmp_path)  # the command names a checkout's folder unless it runs there
+    # the command names a checkout's folder unless it runs there
+    monkeypatch.chdir(tmp_path)
     assert done.stderr == f"skyarm: {needs_extra('tune')}\n"
 
 

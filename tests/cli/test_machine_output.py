@@ -84,7 +84,8 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def _in_folder(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(folder)
     monkeypatch.setattr("skyarm.paper.reproduce.reproduce", reproduced)
-    monkeypatch.setattr("skyarm.cli.doctor_command.TRIALS", {})  # tried in test_doctor.py
+    # tried in test_doctor.py
+    monkeypatch.setattr("skyarm.cli.doctor_command.TRIALS", {})
 
 
 def test_every_command_is_tried_here_and_documented() -> None:

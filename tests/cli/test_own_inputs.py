@@ -82,7 +82,8 @@ def test_a_file_that_takes_the_number_of_one_that_is_gone_is_written(folder: Pat
     with inputs_kept():
         note_input(note)
         note.rename("other.toml")
-        Path("other.toml").write_text("a = 22")  # the number's new owner, as it has another path and other content
+        # the number's new owner, as it has another path and other content
+        Path("other.toml").write_text("a = 22")
         require_no_input("other.toml")
         Path("other.toml").rename(note)
         with pytest.raises(ValueError, match="must be another file"):

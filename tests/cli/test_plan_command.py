@@ -113,7 +113,8 @@ def test_a_plan_is_written_with_its_scenario_and_page_and_a_document_of_its_numb
     with Image.open(io.BytesIO(base64.b64decode(film[1]))) as moving:
         assert moving.n_frames > 5  # type: ignore[attr-defined]
         rows = [drawn_row(moving, k) for k in (0, moving.n_frames - 1)]  # type: ignore[attr-defined]
-    assert rows[1] < rows[0] - 20  # the vehicle climbs by 1 m in the picture from the side
+    # the vehicle climbs by 1 m in the picture from the side
+    assert rows[1] < rows[0] - 20
 
     assert document["violation"] < 1e-6
     with np.load("made/up.npz", allow_pickle=False) as arrays:

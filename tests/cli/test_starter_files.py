@@ -47,7 +47,8 @@ def functions_of(file: Path) -> dict[str, object]:
 
 @pytest.mark.parametrize("kind", ["vehicle", "scenario", "law"])
 def test_the_test_that_was_written_passes(written, kind):
-    with registry_kept():  # what the file registers must not meet the same law of another test
+    # what the file registers must not meet the same law of another test
+    with registry_kept():
         found = functions_of(written / f"test_{NAMES[kind]}.py")
         assert found
         for check in found.values():

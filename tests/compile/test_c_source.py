@@ -47,7 +47,8 @@ program = st.tuples(
     max_examples=8,
     deadline=None,
     suppress_health_check=list(HealthCheck),
-    phases=(Phase.explicit, Phase.reuse, Phase.generate),  # to shrink is to compile hundreds of times
+    # to shrink is to compile hundreds of times
+    phases=(Phase.explicit, Phase.reuse, Phase.generate),
 )
 @given(st.lists(program, min_size=20, max_size=30))
 def test_random_programs_in_c_have_the_bits_of_their_functions(tmp_path_factory, programs):
@@ -74,7 +75,8 @@ def every_operation():
     [
         ("-O0",),
         ("-O2",),
-        ("-O3", "-march=native", "-ffp-contract=fast"),  # the file switches contraction off
+        # the file switches contraction off
+        ("-O3", "-march=native", "-ffp-contract=fast"),
     ],
     ids=" ".join,
 )
@@ -116,7 +118,8 @@ def bit_program():
 
 def test_powers_exponents_and_mantissas_are_exact_for_every_exponent_and_subnormals(tmp_path):
     loaded = library(c_function(bit_program(), "p"), tmp_path)
-    whole = [float(k) for k in range(-1200, 1024)]  # above, 2**k leaves the doubles and Python raises
+    # above, 2**k leaves the doubles and Python raises
+    whole = [float(k) for k in range(-1200, 1024)]
     numbers = [math.ldexp(m, k) for k in range(-1074, 1024) for m in (1.0, -1.37)]
     for x in (*whole, *numbers, *SPECIAL):
         if 1024.0 <= x <= 1100.0:

@@ -197,7 +197,8 @@ def test_a_lane_that_diverges_leaves_its_neighbours_their_bits():
 def test_contraction_rounds_once_and_stays_close():
     exact, _ = fly(Kernel(spring(), Lanes(8)), steps=500)
     contracted, _ = fly(Kernel(spring(), Lanes(8, contract=True)), steps=500)
-    assert np.max(np.abs(contracted - exact)) < 1e-12  # 500 steps of a stable spring, a rounding each
+    # 500 steps of a stable spring, a rounding each
+    assert np.max(np.abs(contracted - exact)) < 1e-12
 
 
 def test_only_contraction_flushes_subnormal_numbers_and_no_caller_notices():

@@ -16,7 +16,8 @@ from pathlib import Path
 
 import numpy as np
 
-sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # the tests' own modules, when run as a program
+# the tests' own modules, when run as a program
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from skyarm.control.catalogue import make_controller
 from skyarm.log.metrics.windows import Window, Windows

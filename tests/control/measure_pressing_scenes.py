@@ -3,7 +3,8 @@
 from skyarm.scenario.scenario_file import scenario_from
 
 NOISE = {"position": 1e-3, "velocity": 1e-2, "attitude": 2e-3, "rate": 1e-2, "joints": 1e-3, "joint_rates": 1e-2}
-VEHICLES = {  # plant, model, height, posture, tip ahead, mass of the tip along the normal, options of the law
+# plant, model, height, posture, tip ahead, mass of the tip along the normal, options of the law
+VEHICLES = {
     "arm2": ("hummingbird_arm2_rotors", "hummingbird_arm2", 1.0, [-0.45, -0.9], 0.2126, 0.076,
           {"interaction": [0.3, 0.1]}),
     "arm6": ("hexarotor_arm6", "hexarotor_arm6", 1.5, [0.0, -0.6, -0.97, 0.0, -0.8, 0.0], 0.5, 0.066,

@@ -8,7 +8,8 @@ Succeeded: completed, and the box moved by more than 0.2 m. Each flight has its 
 import sys
 from pathlib import Path
 
-sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # the tests' own modules, when run as a program
+# the tests' own modules, when run as a program
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from pushed_boxes import worlds
 

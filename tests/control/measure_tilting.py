@@ -9,7 +9,8 @@ import dataclasses
 import sys
 from pathlib import Path
 
-sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # the tests' own modules, when run as a program
+# the tests' own modules, when run as a program
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from tilting_flights import NOISE, SWINGING, VOLIRO, across, eased_circle, errors, scenario, tilt
 

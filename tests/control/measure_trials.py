@@ -101,7 +101,8 @@ def scenario_of(trial):
     if trial.plant >= 0:
         drawn = axes.plants_at(setting, built, trial.value, PLANTS, seed=PLANT_SEED)
         numbers = {path: float(values[trial.plant]) for path, values in drawn.items()}
-        numbers["delays.command"] = round(numbers["delays.command"], 3)  # MuJoCo's plant moves by whole steps
+        # MuJoCo's plant moves by whole steps
+        numbers["delays.command"] = round(numbers["delays.command"], 3)
         built = with_numbers(built, numbers)
     return under_law(built, LAW), axis.start
 

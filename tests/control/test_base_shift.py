@@ -224,7 +224,8 @@ def test_a_steady_force_shifts_by_the_lever_below_the_base_and_above(model, leve
     for _ in range(200):
         before = shift.place
         moved, shift = bounded_shift(par, shift, base, Taylor((0.4, 0, 0)), (), level_of(lever), acting, (), DT)
-        gone = moved[0] * DT + moved[1] * (0.5 * DT**2)  # of the way in a period, with its acceleration
+        # of the way in a period, with its acceleration
+        gone = moved[0] * DT + moved[1] * (0.5 * DT**2)
         np.testing.assert_allclose([*shift.place][:2], [*(before + gone)][:2], rtol=1e-9, atol=1e-15)
     expected = force * (-lever / (G * float(vehicle.mass)))
     np.testing.assert_allclose([*shift.place], [*expected], rtol=0.01, atol=1e-5)

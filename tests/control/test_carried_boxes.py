@@ -44,7 +44,8 @@ def test_a_load_on_a_joint_near_the_tip_is_left_and_on_a_far_joint_compensated()
         expected = [known * 0.03**4 / (lever(i) ** 4 + 0.03**4) for i in range(ARM.n)]
         found = GAINS.unknown_shares(ARM, JOINTS, mass)
         assert found == pytest.approx(expected, abs=1e-6)
-    assert found[-1] == pytest.approx(known)  # the hand rolls about an axis through the tip
+    # the hand rolls about an axis through the tip
+    assert found[-1] == pytest.approx(known)
     assert max(found[:3]) < 0.005
     together = np.array(GAINS.unknown_shares(ARM, JOINTS, np.array([0.0, 0.12, 0.5])))
     assert together[:, 2] == pytest.approx(found)
@@ -67,7 +68,8 @@ def test_an_unknown_inertia_swings_with_the_whole_observed_torque_and_not_withou
 
     ratios = np.geomspace(0.001, 1.0, 200)
     smallest = min(b for b in ratios if stable(b))
-    assert smallest == pytest.approx(least, rel=0.04)  # Routh: w kp / ((w + kd) (kp + w kd)), a tenth
+    # Routh: w kp / ((w + kd) (kp + w kd)), a tenth
+    assert smallest == pytest.approx(least, rel=0.04)
     assert stable(1.0)
 
 
@@ -126,7 +128,8 @@ def test_with_a_load_the_roll_torque_of_the_hand_is_left_and_its_link_turned_gen
     # without the part's share -0.05 N m answer what is observed
     assert roll() - roll(light=1e6) == pytest.approx(0.05 * share, rel=0.02)
     gentle, stiff = (roll(0.1, links=links) - roll(-0.1, links=links) for links in (0.4, 1.0))
-    assert gentle / stiff == pytest.approx(1.0 - 0.6 * share, rel=0.15)  # the joint's own damping is the rest
+    # the joint's own damping is the rest
+    assert gentle / stiff == pytest.approx(1.0 - 0.6 * share, rel=0.15)
 
 
 HANGING = {
@@ -154,8 +157,10 @@ def test_the_gripper_itself_says_when_it_holds_something(hanging):
     assert hanging.grasp_periods[0].end == pytest.approx(0.5, abs=0.006)
     held = hanging.gripper_taken[:, 0] > 0.5
     assert held[:99].all()
-    assert hanging.load_mass_found[49:99].mean() == pytest.approx(0.1, rel=0.2)  # it swings
-    assert not hanging.load_mass_found[~held].any()  # gone in the period in which the magnet lets go
+    # it swings
+    assert hanging.load_mass_found[49:99].mean() == pytest.approx(0.1, rel=0.2)
+    # gone in the period in which the magnet lets go
+    assert not hanging.load_mass_found[~held].any()
 
 
 def test_a_load_of_that_instant_is_the_same_to_the_bit_and_another_counts_alone(hanging):

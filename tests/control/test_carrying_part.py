@@ -137,7 +137,8 @@ def test_a_known_weight_is_in_the_command_at_once_and_not_in_the_observer():
     assert np.allclose(change, J.T @ [0, 0, 8.0, 0, 0, 0], atol=1e-3)
     coefficient = float(VEHICLE.rotors[0].thrust_coefficient)
     thrust = [coefficient * sum(w * w for w in each[1].rotor_speeds) for each in (free, loaded)]
-    assert thrust[1] > thrust[0] + 6.0  # less than 8 N as motors are late, which the command makes up for in part
+    # less than 8 N as motors are late, which the command makes up for in part
+    assert thrust[1] > thrust[0] + 6.0
     assert [*loaded[0].observed.force] == [*free[0].observed.force]
 
 
@@ -151,7 +152,8 @@ def test_an_observer_forgets_at_the_rate_that_the_reference_says():
     assert np.allclose(change, [-DT * c for c in rate], atol=1e-12)
     J, tip = jacobian(POSTURE, 0.0)
     across, damping = J[:2] @ J[:2].T, float(controller.par.tip.damping) ** 2
-    by_tilt = np.zeros((3, 3))  # what damped least squares of the joints leave of a horizontal motion
+    # what damped least squares of the joints leave of a horizontal motion
+    by_tilt = np.zeros((3, 3))
     by_tilt[:2, :2] = np.eye(2) - across @ np.linalg.inv(across + damping * np.eye(2))
     by_joints = (np.eye(3) - by_tilt) @ [*rate]
     turned = np.subtract(forgot[0].observed.efforts, kept[0].observed.efforts)
@@ -284,7 +286,8 @@ def test_a_shift_of_the_tip_is_that_of_the_reference_and_of_its_preview():
     rows = (0.01, 0.02, 0.3), (-0.02, 0.01, 0.2), (0.005, -0.03, -0.5)
     offset, rate, acceleration = (Vec3(*each) for each in zip(*rows, strict=True))
     turn, arm = 0.2, np.array([*frame_pose(VEHICLE, VEHICLE.frame(), POSTURE).p])
-    around = Vec3(*(arm - Rotation.from_euler("z", turn).apply(arm)))  # the base moves around the tip
+    # the base moves around the tip
+    around = Vec3(*(arm - Rotation.from_euler("z", turn).apply(arm)))
     shift = {"offset": offset, "offset_rate": rate, "offset_acceleration": acceleration, "settling": w}
     shift["heading"] = Vec3(turn, 0.0, 0.0)
     reference, measured = at_rest(controller, carrying(**shift))
@@ -297,7 +300,8 @@ def test_a_shift_of_the_tip_is_that_of_the_reference_and_of_its_preview():
         acceleration=acceleration,
         yaw=turn,
     ).dense()
-    times = controller.par.preview[2:]  # the first two samples continue the reference between its samples
+    # the first two samples continue the reference between its samples
+    times = controller.par.preview[2:]
     coming[2:, :3] += np.array([settled(each, w, times) for each in rows]).transpose(1, 0, 2)
     coming[2:, 3, 0] += turn
     moved = dataclasses.replace(now, ahead=tuple(coming.ravel()))
@@ -381,7 +385,8 @@ def test_a_load_in_the_model_stiffens_the_arm_as_that_of_the_vehicle_does():
     begin, changes = law(heavier).memory, []
     for vehicle, inertia, force in ((VEHICLE, 0.0, -LOAD * 9.81), (VEHICLE, 1.0, -LOAD * 9.81), (heavier, 0.0, 0.0)):
         controller = law(carried_inertia=inertia)
-        par = dataclasses.replace(controller.par, model=Model(vehicle=vehicle, gravity=9.81))  # with the same gains
+        # with the same gains
+        par = dataclasses.replace(controller.par, model=Model(vehicle=vehicle, gravity=9.81))
         carry = dataclasses.replace(told, force=Vec3(0.0, 0.0, force))
         reference, measured = at_rest(controller, carry.numbers)
         measured = dataclasses.replace(measured, rotor_speeds=begin.sent.rotor_speeds)
@@ -409,7 +414,8 @@ def test_the_error_of_the_tip_is_that_of_its_shifted_reference():
     memory, _ = controller.law(controller.memory, measured, reference, DT, par=controller.par)
     tip = place + turned.apply([*frame_pose(VEHICLE, VEHICLE.frame(), joints).p])
     planned = np.array([0.0, 0.0, 2.0]) + np.array([*frame_pose(VEHICLE, VEHICLE.frame(), POSTURE).p]) + [*offset]
-    assert np.allclose([*part_of(memory, "carrying").behind], planned - tip, atol=1e-9)  # a heading turns about the tip
+    # a heading turns about the tip
+    assert np.allclose([*part_of(memory, "carrying").behind], planned - tip, atol=1e-9)
     names = (field.name for field in dataclasses.fields(State) if hasattr(measured, field.name))
     state = State(**{name: getattr(measured, name) for name in names})
     most, found = largest_load(PointMotion(VEHICLE, state, gravity=9.81)), part_of(memory, "carrying").limits

@@ -135,7 +135,8 @@ def test_what_a_support_bears_of_a_load_is_answered_as_if_nobody_had_observed_it
 
     pushed, rests, free = (period(9.81 * kilogram) for kilogram in (0.5, 0.1, 0.0))
     assert pushed == pytest.approx(rests, rel=1e-5)
-    assert np.abs(rests - free)[:2].max() > 0.05  # a load that is lighter than the model has it is answered
+    # a load that is lighter than the model has it is answered
+    assert np.abs(rests - free)[:2].max() > 0.05
     assert rests[2] == pytest.approx(LAW.par.tip.shift_rate * 0.981, rel=1e-3)
 
 
@@ -180,7 +181,8 @@ def test_a_sensor_decides_on_touch_and_leads_the_integral():
     assert stepped(pressed, there).integral == pytest.approx(4.0 * DT * 0.2)
     assert stepped(pressed, None).integral == pytest.approx(4.0 * DT * 1.0)
     assert stepped(none, there).felt == there
-    assert stepped(none, None).felt == none.felt  # a law that hears nothing keeps what it has
+    # a law that hears nothing keeps what it has
+    assert stepped(none, None).felt == none.felt
 
 
 def test_a_tip_that_still_goes_in_touches_again_70_ms_after_the_loss():

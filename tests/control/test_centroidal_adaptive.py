@@ -56,7 +56,8 @@ def test_a_force_above_the_start_keeps_its_direction_and_below_it_turns_less():
         assert [c.derivative(0) for c in soft(z)] == [1.0, -0.5, z]
     heights = np.array([soft(z).z.derivative(0) for z in np.linspace(-5.0, 6.4, 300)])
     assert (np.diff(heights) >= 0.0).all()
-    assert heights[0] == pytest.approx(0.45 * weight)  # start less half of the width, 0.8 (1 - 0.875 / 2)
+    # start less half of the width, 0.8 (1 - 0.875 / 2)
+    assert heights[0] == pytest.approx(0.45 * weight)
 
 
 def test_the_raised_force_is_twice_continuously_differentiable():
@@ -64,7 +65,8 @@ def test_the_raised_force_is_twice_continuously_differentiable():
     z = [upright(Vec3(0.0, 0.0, Taylor((4.0 - 4.0 * s, 0.0, 0.0))), 8.0, 0.8).z.derivative(0) for s in t]
     first = np.gradient(z, t)
     second = np.gradient(first, t)
-    assert np.abs(np.diff(second))[3:-3].max() < 0.2  # no jump: a C1 blend of this width has one of 10
+    # no jump: a C1 blend of this width has one of 10
+    assert np.abs(np.diff(second))[3:-3].max() < 0.2
     series = Vec3(Taylor((0.0,) * 3), Taylor((0.0,) * 3), Taylor((4.0 - 4.0 * 0.3, -4.0, 0.0)))
     found = upright(series, 8.0, 0.8).z
     k = int(np.searchsorted(t, 0.3))

@@ -81,7 +81,8 @@ def test_the_tip_answers_a_step_of_force_as_the_body_that_was_chosen(log):
     wanted = exact(t)
     assert log.status == "completed"
     assert np.abs(way[t > 0.3, 0] - wanted[t > 0.3]).max() < 0.025 * PUSH / K
-    assert np.abs(way[t > 0.0, 0] - wanted[t > 0.0]).max() < 0.12 * PUSH / K  # the observer's first 60 ms
+    # the observer's first 60 ms
+    assert np.abs(way[t > 0.0, 0] - wanted[t > 0.0]).max() < 0.12 * PUSH / K
     assert np.abs(way[:, 1:]).max() < 0.006
     assert way[-1, 0] == pytest.approx(wanted[-1], rel=0.01)
 

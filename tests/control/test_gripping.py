@@ -124,13 +124,16 @@ def test_a_tip_that_grips_touches_at_once_and_loses_nothing():
     assert (memory.touching, memory.losing, memory.share) == (1.0, 0.0, 1.0)
     assert pressing.asked
     assert pressing.kept == 0.7
-    assert memory.integral == pytest.approx(0.3, abs=0.01)  # the handle pulls against the normal; bounded
+    # the handle pulls against the normal; bounded
+    assert memory.integral == pytest.approx(0.3, abs=0.01)
     before = memory
     memory, pressing = stepped(wanted(0.0, grip=0.4), memory, (0.3, 0.0, 0.0))
-    assert (memory.touching, memory.integral) == (1.0, 0.0)  # until the handle's force is gone
+    # until the handle's force is gone
+    assert (memory.touching, memory.integral) == (1.0, 0.0)
     assert memory.share == pytest.approx(before.share - DT / 0.15)
     assert pressing.order == pytest.approx(before.order * 29.0 / 30.0)
-    assert pressing.kept == pytest.approx(1.0 - 0.2 * 0.9)  # at a limit; no force across beyond the cone of the order
+    # at a limit; no force across beyond the cone of the order
+    assert pressing.kept == pytest.approx(1.0 - 0.2 * 0.9)
     assert not pressing.asked
 
 
@@ -149,7 +152,8 @@ def test_the_normal_points_out_of_the_axis_while_the_tip_grips():
     assert [*on_the_axis.normal] == [-1.0, 0.0, 0.0]
     near, beside = (wanted(0.0, **arc).about_the_pivot(Vec3(1.0, y, 3.0)).normal for y in (0.9e-3, 1.1e-3))
     assert ([*near], [*beside]) == ([-1.0, 0.0, 0.0], pytest.approx([0.0, 1.0, 0.0], abs=1e-6))
-    none = wanted(0.0, pivot=(0.0,) * 3, axis=(0.0,) * 3)  # as exported code has it where there is no axis
+    # as exported code has it where there is no axis
+    none = wanted(0.0, pivot=(0.0,) * 3, axis=(0.0,) * 3)
     assert [*none.about_the_pivot(tip).normal] == [-1.0, 0.0, 0.0]
 
 

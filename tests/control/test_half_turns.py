@@ -76,7 +76,8 @@ def test_beyond_that_the_error_is_the_papers_to_the_bit():
 
 
 def test_where_the_attitude_is_reached_nothing_is_divided_by_zero():
-    lanes = np.array([1.0, 0.0]), np.array([0.0, 1.0])  # of quaternions: none, and half a turn about x
+    # of quaternions: none, and half a turn about x
+    lanes = np.array([1.0, 0.0]), np.array([0.0, 1.0])
     with np.errstate(all="raise"), warnings.catch_warnings():
         warnings.simplefilter("error")
         R = Quaternion(*lanes, np.zeros(2), np.zeros(2)).rotation()
@@ -133,7 +134,8 @@ def test_from_upside_down_a_vehicle_falls_no_further_than_from_179_degrees(contr
         assert 1.0 - 2.0 * (log.quaternion[-1, 1:3] ** 2).sum() > 0.9
         drops.append(100.0 - log.position[:, 2].min())
     assert max(drops[1:]) < 1.2 * drops[0]
-    assert drops[0] < 8.0  # m; with the sine alone the centroidal law fell 13 m, and from 180 degrees without end
+    # m; with the sine alone the centroidal law fell 13 m, and from 180 degrees without end
+    assert drops[0] < 8.0
 
 
 @pytest.mark.parametrize(("law", "within"), [("centroidal_tip", 3.0), ("li2024_tuned", 4.5)])

@@ -75,9 +75,11 @@ def test_the_accelerometer_is_heard_half_as_fast_while_the_tip_presses(share, le
 
 def test_a_tip_that_goes_in_fast_for_three_periods_has_lost_the_surface():
     there = dataclasses.replace(FREE, touching=1.0, found=1.0)
-    bouncing = dataclasses.replace(there, found=0.5)  # the order was never there as a whole: it drives the tip back
+    # the order was never there as a whole: it drives the tip back
+    bouncing = dataclasses.replace(there, found=0.5)
     assert all(touched([1.0] * 4, into=0.11, memory=bouncing))
-    assert touched([1.0] * 4, into=0.11, memory=there) == [1.0, 1.0, 0.0, 0.0]  # what is left is no new touch
+    # what is left is no new touch
+    assert touched([1.0] * 4, into=0.11, memory=there) == [1.0, 1.0, 0.0, 0.0]
     for again in ({"memory": dataclasses.replace(FREE, free=0.051), "into": 0.11}, {"memory": FREE, "into": 0.09}):
         assert touched([1.0], **again) == [1.0]
     assert all(touched([1.0] * 4, into=0.09, memory=there))
@@ -116,7 +118,8 @@ def test_the_reference_comes_follows_and_returns():
     def run(memory, seconds, asked, touching, gap=0.0, speed=0.1):
         memory = dataclasses.replace(memory, gap=gap)
         for _ in range(round(seconds / DT)):
-            if touching:  # the tip rests on a surface; the reference's own shift closes the gap
+            # the tip rests on a surface; the reference's own shift closes the gap
+            if touching:
                 memory = dataclasses.replace(memory, gap=gap - memory.shift)
             s, rate, acceleration = law.normal_shift(GAINS, memory, asked, touching, touching, speed, DT)
             assert abs(acceleration) <= 4.0
@@ -128,7 +131,8 @@ def test_the_reference_comes_follows_and_returns():
     assert came.shift == pytest.approx(-0.1 * (2.0 - 1.0 / 8.0), rel=0.01)
     met = dataclasses.replace(FREE, found=1.0)
     assert [run(m, 2.0, True, 0.0, speed=0.5).shift_rate for m in (FREE, met)] == pytest.approx([0.0, -0.1], abs=0.02)
-    assert run(FREE, 10.0, True, 0.0).shift == pytest.approx(-0.5, abs=0.02)  # no further
+    # no further
+    assert run(FREE, 10.0, True, 0.0).shift == pytest.approx(-0.5, abs=0.02)
     assert run(came, 4.0, True, 1.0, gap=-0.3).shift == pytest.approx(-0.3, abs=1e-4)
     assert run(came, 4.0, False, 0.0).shift == pytest.approx(0.0, abs=1e-4)
 
@@ -183,7 +187,8 @@ def test_the_wanted_force_stands_in_place_of_the_observed_one_along_the_normal()
     assert pressing(engaged=0.0).with_order(held, at, at) == held
     given, ordered = (pressing(beyond=b).with_order(held, at, at) for b in (0.3, 0.0))
     more = at.disturbance(Vec3(-0.3, 0.0, 0.0))
-    assert given.efforts == ordered.efforts  # joints yield to an impact, the base carries it
+    # joints yield to an impact, the base carries it
+    assert given.efforts == ordered.efforts
     assert np.allclose(given.force - ordered.force, more.force)
     assert np.allclose(given.torque - ordered.torque, more.torque)
 

@@ -173,7 +173,8 @@ def test_it_is_found_under_the_noise_of_the_bench():
 
 
 def test_a_longer_lag_than_the_longest_counts_as_that():
-    assert min(lags(flown(CANDIDATES + 1, seconds=2.5))) >= 0.0  # nothing fits: no lag, or the longest
+    # nothing fits: no lag, or the longest
+    assert min(lags(flown(CANDIDATES + 1, seconds=2.5))) >= 0.0
     with_one_more = lags(flown(CANDIDATES - 1, seconds=2.5))
     assert with_one_more == pytest.approx(((CANDIDATES - 1) * DT,) * 2, abs=2e-4)
 

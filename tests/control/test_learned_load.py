@@ -66,7 +66,8 @@ def test_mass_and_torque_about_the_tip_are_those_of_the_load_that_hangs_there():
     at = hang(ARM, TILTED, JOINTS, G)
     mass, *torque = missing(ARM, GAINS, at, weight_of(at_tip(0.3, place), TILTED, JOINTS))
     expected = np.cross([*at.tip.apply(place)], [0.0, 0.0, -0.3 * G])
-    assert mass == pytest.approx(0.3, rel=0.02)  # a little of the torque is held for weight
+    # a little of the torque is held for weight
+    assert mass == pytest.approx(0.3, rel=0.02)
     assert torque == pytest.approx(expected[:2], abs=0.1 * np.linalg.norm(expected))
     alone = missing(ARM, GAINS, at, weight_of(at_tip(0.3, (0.0, 0.0, 0.0)), TILTED, JOINTS))
     assert alone == pytest.approx([0.3, 0.0, 0.0], abs=1e-12)
@@ -129,7 +130,8 @@ def test_the_mass_comes_within_a_tenth_of_a_second_and_its_place_in_a_second():
     late = learned((0.3, place), 6.0)
     down = np.array([*hang(ARM, TILTED, JOINTS, G).tip.apply_T(Vec3(0.0, 0.0, 1.0))])
     off = np.array([*late.place]) - place
-    assert off - down * (off @ down) == pytest.approx(np.zeros(3), abs=1e-4)  # along the weight it cannot be known
+    # along the weight it cannot be known
+    assert off - down * (off @ down) == pytest.approx(np.zeros(3), abs=1e-4)
     turned = learned((0.3, place), 6.0, memory=late, R=TURNED)
     assert [*turned.place] == pytest.approx(place, abs=1e-3)
 

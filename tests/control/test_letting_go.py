@@ -113,7 +113,8 @@ def test_a_release_lowers_the_order_as_slowly_as_it_rose():
     way = np.arange(1, 31) / 30.0  # of the ramp, GAINS.rise = 0.15 s
     assert np.allclose(orders, 1.2 * (1.0 - way), atol=1e-12)
     assert np.allclose(shares, 1.0 - way, atol=1e-12)
-    assert np.diff([0.0, *turns]).max() < 0.1  # m/s^2 a period, where the return at once were 0.61
+    # m/s^2 a period, where the return at once were 0.61
+    assert np.diff([0.0, *turns]).max() < 0.1
     memory = dataclasses.replace(first_interaction(2), touching=0.0, share=1.0, order=1.2)
     assert pressed(memory, (0.0, 0.0, 0.0), 0.0)[1].order == pytest.approx(1.2 * (1.0 - DT / GAINS.fall))
 
@@ -152,4 +153,5 @@ def test_a_release_does_not_jab(name, joints, force, noisy):
     after = log.contact_force[log.time >= log.phase_ends[0][1], 0]
     assert log.status == "completed"
     assert after.max() < 1.2 * force
-    assert log.tip[-1, 0] == pytest.approx(ahead - 0.05, abs=5e-3 if noisy else 1e-3)  # 5 cm out of the path
+    # 5 cm out of the path
+    assert log.tip[-1, 0] == pytest.approx(ahead - 0.05, abs=5e-3 if noisy else 1e-3)

@@ -356,7 +356,8 @@ def test_the_law_remembers_touch_and_loss_and_tells_the_tips_force():
     first, _ = own.law(own.memory, seen, reference, DT, par=own.par)
     assert [*first.tip_force] == pytest.approx([0.0, 0.0, 0.0])
     estimate = first.past.estimate.copy()
-    estimate[-8:-5] = 0.5 * N  # of a force at the base alone the tip's is a small part, in its direction
+    # of a force at the base alone the tip's is a small part, in its direction
+    estimate[-8:-5] = 0.5 * N
     past = dataclasses.replace(first.past, estimate=estimate)
     following, _ = own.law(dataclasses.replace(own.memory, past=past), seen, reference, DT, par=own.par)
     assert 0.0 < N @ [*following.tip_force] < 0.5

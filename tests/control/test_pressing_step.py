@@ -77,7 +77,8 @@ def test_the_order_is_the_ramped_sum_of_the_wanted_force_and_the_integral():
     lost, falling = asked(dataclasses.replace(HELD, touching=0.0), force=0.2)
     assert (lost.integral, falling.engaged, falling.share) == pytest.approx((0.0, 1.0, 0.75))
     assert falling.order == pytest.approx(0.75 * 2.0)
-    assert falling.beyond == 0.0  # the base carries what is beyond the order while it touches
+    # the base carries what is beyond the order while it touches
+    assert falling.beyond == 0.0
     assert asked(first_interaction(2), force=0.0)[0].met == 0.0
     # free flight begins a period after the last one in which it touched or an order stood
     briefly, gone = dataclasses.replace(HELD, share=0.1, losing=1.0, touching=1.0), []
@@ -156,7 +157,8 @@ def test_a_load_is_of_the_joint_or_rotor_nearest_its_limit_unless_the_tip_is_gui
     assert pressed(efforts=(limit, 0.0), led=up)[1][1].kept == 1.0
     slow = [pressed(efforts=(limit, 0.0), led=up * share)[1][1].kept for share in (0.099, 0.101)]
     assert slow == pytest.approx([0.8, 1.0])  # sliding from 10 mm/s on
-    assert pressed(efforts=(limit, 0.0), led=Vec3(0.1, 0.0, 0.0))[1][1].kept == pytest.approx(0.8)  # along the normal
+    # along the normal
+    assert pressed(efforts=(limit, 0.0), led=Vec3(0.1, 0.0, 0.0))[1][1].kept == pytest.approx(0.8)
 
 
 def test_the_base_carries_the_order_and_sliding_corrects_the_normal():
@@ -274,7 +276,8 @@ def test_no_lag_is_learned_until_a_contact_has_rested():
 def test_friction_is_let_go_by_what_was_sent_last():
     made, instant = make_centroidal(MODEL, mode="tip", delay=0.02, interaction=(0.3, 0.1)), 1e-9
     reference = Reference(joints=JOINTS, joint_rates=(0.0,) * 2, joint_accelerations=(0.0,) * 2, push=PUSH)
-    d = AT.disturbance(Vec3(-1.5, 0.0, 0.4))  # within what is answered of a tip that stands
+    # within what is answered of a tip that stands
+    d = AT.disturbance(Vec3(-1.5, 0.0, 0.4))
     observed = dataclasses.replace(
         made.memory.observed, joints=JOINTS, force=d.force, torque=d.torque, efforts=d.efforts
     )

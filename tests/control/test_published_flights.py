@@ -100,7 +100,8 @@ def left_over(rate):
 def test_l1_carries_an_unknown_load_but_for_the_share_its_adaptation_misses():
     off, _ = disturbed("l1_adaptive", load=0.05)
     plain, _ = disturbed("hybrid_computed_torque", load=0.05)
-    assert plain[2] == pytest.approx(0.05 * 9.81 / 4.1, rel=0.1)  # against about 4.1 N/m
+    # against about 4.1 N/m
+    assert plain[2] == pytest.approx(0.05 * 9.81 / 4.1, rel=0.1)
     assert off[2] == pytest.approx(left_over(5.0) * plain[2], rel=0.05)
 
 

@@ -330,7 +330,8 @@ def test_the_predictor_steps_with_pinocchios_forward_dynamics_of_what_was_sent(s
     e = np.exp(-rates * DT)
     sigma = off * rates * e / (e - 1.0)
     np.testing.assert_allclose(scalars(after.error), off, atol=1e-10)
-    np.testing.assert_allclose(scalars(after.sigma), sigma, atol=1e-8)  # off over a period of 5 ms
+    # off over a period of 5 ms
+    np.testing.assert_allclose(scalars(after.sigma), sigma, atol=1e-8)
     expected = later.velocity + off + DT * (acceleration(later, after.sent) + sigma - rates * off)
     found = predict_velocities(par, after, DT)
     np.testing.assert_allclose(found, expected, atol=1e-10)

@@ -161,8 +161,10 @@ def test_the_virtual_mass_comes_with_the_speed_rests_at_the_wanted_force_and_ret
     assert driven(0.0, seconds=0.25)[1] == pytest.approx(-0.1 * (1.0 - np.exp(-1.0)), rel=0.03)
     assert driven(2.0, shift=-0.2) == pytest.approx((-0.2, 0.0, 0.0))
     assert driven(3.0)[1] == pytest.approx(0.05, rel=1e-3)
-    assert driven(200.0)[1] == pytest.approx(0.1, rel=1e-3)  # a hard surface pushes no faster back
-    assert driven(0.0, seconds=6.0)[:2] == (-0.5, 0.0)  # at the end of its way it stands
+    # a hard surface pushes no faster back
+    assert driven(200.0)[1] == pytest.approx(0.1, rel=1e-3)
+    # at the end of its way it stands
+    assert driven(0.0, seconds=6.0)[:2] == (-0.5, 0.0)
     assert abs(driven(0.0, asked=False, shift=-0.2)[0]) < 1e-3
     assert driven(0.0, asked=False, shift=-0.2, seconds=0.25)[0] == pytest.approx(-0.2 * 2.0 * np.exp(-1.0), rel=0.03)
 

@@ -61,7 +61,8 @@ def worst_errors(vehicle, found_cases):
         found = command(case, vehicle)
         for name, theirs in PAIRS:
             expected = np.atleast_1d(np.array(case[theirs], dtype=float))
-            scale = np.abs(expected).max() or 1.0  # an output that is exactly zero is compared absolutely
+            # an output that is exactly zero is compared absolutely
+            scale = np.abs(expected).max() or 1.0
             worst[name] = max(worst[name], np.abs(numbers(getattr(found, name)) - expected).max() / scale)
     return worst
 
@@ -125,7 +126,8 @@ def test_the_corrected_rate_error_differs_only_when_the_yaw_rate_is_not_zero():
         if case["yawrate_ref"] == 0.0:
             assert change == 0.0
         else:
-            level_hover = case["group"] == "yawrate_ref"  # R = R_d: both forms are the same there
+            # R = R_d: both forms are the same there
+            level_hover = case["group"] == "yawrate_ref"
             assert (change == 0.0) if level_hover else (change > 1e-6)
 
 

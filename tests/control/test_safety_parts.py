@@ -204,7 +204,8 @@ def test_a_law_that_ranks_demands_keeps_its_own_order():
 def test_speeds_out_of_reach_keep_their_sideways_force():
     tilted = Model(vehicle=skyarm.load_vehicle("tilted_hexarotor"))
     mixer = make_mixer(tilted.vehicle, "thrust_before_yaw", sideways=True)
-    asked = (500.0, 560.0, 500.0, 460.0, 520.0, 755.0)  # the last one is beyond 750 rad/s
+    # the last one is beyond 750 rad/s
+    asked = (500.0, 560.0, 500.0, 460.0, 520.0, 755.0)
     found = np.array(reachable(tilted, mixer, asked))
     assert max(found) <= 750.0 + 1e-9
     A = np.array([[float(v) for v in row] for row in allocation_matrix(tilted.vehicle, sideways=True)])

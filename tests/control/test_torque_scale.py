@@ -67,7 +67,8 @@ def test_the_estimate_and_its_deviation_are_those_of_the_draws():
     noise = ERRORS.turning * np.sqrt(CORRELATED / A)
     seen = s + w + noise * draws.standard_normal((20_000, 2))
     factors = np.array(scale.factors(by, ERRORS, AT), dtype=float) * np.array(scale.squares)
-    least = CORRELATED * ERRORS.turning**2  # the prior's share where nothing is learned yet
+    # the prior's share where nothing is learned yet
+    least = CORRELATED * ERRORS.turning**2
     assert first_scale(2).factors(by, ERRORS, AT) == pytest.approx([0.01 / least] * 2)
     left = np.std(s - factors * seen, axis=0)
     calm = Disturbance(force=Vec3(0, 0, 0), torque=Vec3(0, 0, 0), efforts=(0.0, 0.0))

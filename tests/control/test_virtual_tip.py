@@ -94,4 +94,5 @@ def test_a_light_body_starts_no_faster_than_it_can_go_at_any_delay_of_the_force(
     terminal = [abs(force) / D] if D else []
     swing = [abs(force) / (K * M) ** 0.5] if K else []
     own = min([late * abs(force) / M, *terminal, *swing])
-    assert 0.75 * own < -first < own + DT * abs(force) / M  # what one period takes and adds
+    # what one period takes and adds
+    assert 0.75 * own < -first < own + DT * abs(force) / M

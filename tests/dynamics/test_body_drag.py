@@ -34,7 +34,8 @@ def test_body_drag_at_rest_is_zero_with_a_zero_slope():
     assert list(body_drag(par, Vec3(0.0, 0.0, 0.0))) == [0.0, 0.0, 0.0]
     jax = pytest.importorskip("jax")
     slope = jax.grad(lambda v: body_drag(par, Vec3(v, 0.0, 0.0)).x)(0.0)
-    assert abs(slope) < 1e-10  # N s/m, from the 1e-12 m/s under the root; NaN without it
+    # N s/m, from the 1e-12 m/s under the root; NaN without it
+    assert abs(slope) < 1e-10
 
 
 def test_no_drag_folds_away():

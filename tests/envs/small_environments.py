@@ -29,7 +29,8 @@ def one_program_a_task(cache: object) -> Iterator[None]:
     def once(task: Any) -> Any:
         text = whole_text(task)
         if text not in made:
-            made[text] = program(task)  # which keeps the task, so that no other takes the address of a function in it
+            # which keeps the task, so that no other takes the address of a function in it
+            made[text] = program(task)
         return made[text]
 
     with pytest.MonkeyPatch.context() as patch:

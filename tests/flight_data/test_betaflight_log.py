@@ -91,7 +91,8 @@ def read(folder: Path, data: bytes, name: str = "flight.bbl") -> FlightData:
 def test_a_missing_decoder_is_named_with_two_cures(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "betaflight_chirp_core", None)
     with pytest.raises(ValueError, match=r"is missing; .*extra 'blackbox'.*or decode it by blackbox_decode to \.csv"):
-        read(tmp_path, log(rows()), "flight.txt")  # the first bytes decide, not the suffix
+        # the first bytes decide, not the suffix
+        read(tmp_path, log(rows()), "flight.txt")
 
 
 class TestWithTheDecoder:
@@ -144,7 +145,8 @@ class TestWithTheDecoder:
         [
             ("5", 0, 0.0),  # DSHOT_CMD_MOTOR_STOP
             ("6", 48, 0.0),  # DSHOT_MIN_THROTTLE
-            ("7", 158, 0.055),  # idle by dshotInitEndpoints: dshot_idle_value = 550 is 5.5 %
+            # idle by dshotInitEndpoints: dshot_idle_value = 550 is 5.5 %
+            ("7", 158, 0.055),
             ("8", 1367, 0.66),  # outputHigh of motor_output_limit = 66
             ("9", 2047, 1.0),  # DSHOT_MAX_THROTTLE
             ("0", 1070, 0.07),  # minthrottle
@@ -157,7 +159,8 @@ class TestWithTheDecoder:
         self, tmp_path: Path, protocol: str | None, output: int, share: float, ends: str | None
     ) -> None:
         found = read(tmp_path, log(rows(**{"motor[0]": output}), motor_pwm_protocol=protocol, motorOutput=ends))
-        assert found["rotor_commands"].values[0, 0] == pytest.approx(share, abs=3e-4)  # of outputs in whole numbers
+        # of outputs in whole numbers
+        assert found["rotor_commands"].values[0, 0] == pytest.approx(share, abs=3e-4)
         scale = "48 to 2047 (DShot)" if protocol and int(protocol) > 4 else "1000 to 2000 (pulses in us)"
         assert found.notes == (f"rotor_commands: outputs from {scale} are signals from 0 to 1.",)
 
@@ -207,7 +210,8 @@ class TestWithTheDecoder:
         changed = {"debug_mode": "6", "gyro_lpf1_static_hz": "250", "blackbox_high_resolution": str(resolution // 10)}
         found = read(tmp_path, log(rows(**UNFILTERED, **DEBUG), **changed))
         np.testing.assert_allclose(found["gyro"].values[0], np.deg2rad([30.0, -20.0, -70.0]) / resolution)
-        debug = read(tmp_path, log(rows(**DEBUG), **changed))  # whole deg/s in both resolutions
+        # whole deg/s in both resolutions
+        debug = read(tmp_path, log(rows(**DEBUG), **changed))
         np.testing.assert_allclose(debug["gyro"].values[0], np.deg2rad([7.0, 18.0, 29.0]))
         assert found.notes == debug.notes == (SCALE,)
 
@@ -313,7 +317,8 @@ class TestWithTheDecoder:
                 continue
             said += any("damaged or follow damage" in note for note in notes)
             wrong.append(len(left - every))
-        assert max(wrong) <= 2  # a frame has no check sum: one that lost bytes may take those of the next
+        # a frame has no check sum: one that lost bytes may take those of the next
+        assert max(wrong) <= 2
         assert said > 40
 
     def test_of_a_damaged_head_a_flight_or_one_line_is_left(self, tmp_path: Path) -> None:

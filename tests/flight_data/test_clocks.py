@@ -196,7 +196,8 @@ def test_a_joined_pose_replaces_that_of_the_log_whose_world_is_another(more: tup
     np.testing.assert_array_equal(found["position"].values, place.values)
     dropped = ", ".join(("quaternion", *more))
     assert found.notes[-1] == f"{dropped}: of px4 are dropped: a pose is of one world, that of mocap."
-    assert np.array(found.jumps) == pytest.approx(np.array([[16.0, 17.0]]), abs=5e-3)  # of the dropped pose none
+    # of the dropped pose none
+    assert np.array(found.jumps) == pytest.approx(np.array([[16.0, 17.0]]), abs=5e-3)
 
 
 def test_a_take_with_another_axis_up_is_not_joined_and_its_axes_are_named() -> None:
@@ -330,7 +331,8 @@ def test_steps_between_attitudes_of_either_sign_are_those_of_scipy() -> None:
     pairs = np.stack([first.as_quat(), (first * Rotation.from_rotvec(steps)).as_quat()], axis=1)[..., [3, 0, 1, 2]]
     pairs *= rng.choice([-1.0, 1.0], (200, 2, 1))
     found = rotations_between(pairs[:, 0], pairs[:, 1])
-    np.testing.assert_allclose(found, steps, rtol=1e-9, atol=1e-15)  # rounding of a unit quaternion
+    # rounding of a unit quaternion
+    np.testing.assert_allclose(found, steps, rtol=1e-9, atol=1e-15)
 
 
 @pytest.mark.parametrize("stream", ["quaternion", "velocity", "position"])

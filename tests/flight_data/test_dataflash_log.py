@@ -270,7 +270,8 @@ def test_of_two_logs_in_a_file_the_longer_is_read(tmp_path: Path) -> None:
     first = load_flight(tmp_path / "flight.BIN#1")
     assert first.notes == read(tmp_path / "first", old({})[:3000]).notes
     assert rows_of(first) == rows_of(read(tmp_path / "first", old({})[:3000]))
-    (tmp_path / "flight.BIN#1").write_bytes(data)  # a file of that very name comes first
+    # a file of that very name comes first
+    (tmp_path / "flight.BIN#1").write_bytes(data)
     assert rows_of(load_flight(tmp_path / "flight.BIN#1")) == alone
 
 
@@ -295,7 +296,8 @@ def lanes(primary: tuple[int, ...], parameters: dict[str, float], units: tuple[i
             log.put("XKQ", stamp + 200, core, *noise.normal(size=4))
             log.put("XKF1", stamp + 300, core, *noise.normal(size=6))
             log.put("XKF4", stamp + 400, core, lane)
-            log.put("BAT", stamp + 500, core, 12.5 - 5.0 * core)  # a servo's is the second one
+            # a servo's is the second one
+            log.put("BAT", stamp + 500, core, 12.5 - 5.0 * core)
     return log.data
 
 
@@ -448,7 +450,8 @@ def test_raw_samples_come_before_filtered_ones(tmp_path: Path, rate: int) -> Non
     ("name", "number", "is_reset"),
     [("EV", 62, True), ("EV", 60, True), ("EV", 10, False), ("ERR", 24, True), ("ERR", 16, False)],
 )
-@pytest.mark.parametrize(("late", "begin"), [(55_000, 4.2), (5_000, 4.1)])  # 5 ms: a loop may stamp its start
+# 5 ms: a loop may stamp its start
+@pytest.mark.parametrize(("late", "begin"), [(55_000, 4.2), (5_000, 4.1)])
 def test_resets_of_the_filter_are_jumps(
     tmp_path: Path, name: str, number: int, is_reset: bool, late: int, begin: float
 ) -> None:

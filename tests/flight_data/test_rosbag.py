@@ -191,7 +191,8 @@ def test_the_fastest_of_several_topics_is_taken_and_said(tmp_path: Path) -> None
 
     flight = load_flight(write("mcap", tmp_path, messages))
     assert set(flight["gyro"].values[:, 0]) == {2.0}
-    np.testing.assert_allclose(np.diff(flight["gyro"].time), 0.01, atol=1e-8)  # a header without stamp
+    # a header without stamp
+    np.testing.assert_allclose(np.diff(flight["gyro"].time), 0.01, atol=1e-8)
     assert "gyro: there is /imu/data, /imu/raw; the fastest is taken" in " ".join(flight.notes)
 
 
@@ -259,7 +260,8 @@ def test_a_damaged_bag_is_one_line(kind: str, tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("variances", "turns", "known"),
     [
-        ([-1.0, -1.0], [[1, 0, 0, 0], [0.8, 0, 0, 0.6]], []),  # REP 145: -1 in the first entry
+        # REP 145: -1 in the first entry
+        ([-1.0, -1.0], [[1, 0, 0, 0], [0.8, 0, 0, 0.6]], []),
         ([0.0, 0.0], [[1, 0, 0, 0], [0.8, 0, 0, 0.6]], [0, 1]),
         ([0.02, 0.02], [[1, 0, 0, 0], [0.8, 0, 0, 0.6]], [0, 1]),
         ([-1.0, 0.02], [[1, 0, 0, 0], [0.8, 0, 0, 0.6]], [1]),
@@ -695,7 +697,8 @@ def test_a_bag_of_mavros_is_a_flight_without_a_mapping(kind: str, tmp_path: Path
     path, turns, sent = mavros_bag(tmp_path, kind)
     found = load_flight(path)
     for name in found:
-        late = 0.01 if name == "rotor_commands" else 0.0  # its first message holds no pulses
+        # its first message holds no pulses
+        late = 0.01 if name == "rotor_commands" else 0.0
         np.testing.assert_allclose(found[name].time - found[name].time[0], 0.01 * np.arange(found[name].time.size))
         assert found[name].time[0] == pytest.approx(late, abs=1e-9)
     for name, columns in (("gyro", slice(0, 3)), ("accelerometer", slice(3, 6)), ("position", slice(6, 9))):
@@ -726,7 +729,8 @@ def test_odometry_is_in_the_axes_of_the_frames_that_it_names(parent: str, child:
     world = flip if parent.endswith("ned") else Rotation.identity()
     np.testing.assert_allclose(found["position"].values, world.apply(sent[:, 6:9]), atol=1e-12)
     is_world = child in ("map", "world", "map_ned")
-    assert ("gyro: there is /mavros/" in " ".join(found.notes)) == (not is_world)  # rates in the world's axes are none
+    # rates in the world's axes are none
+    assert ("gyro: there is /mavros/" in " ".join(found.notes)) == (not is_world)
     assert ("its rates are in the axes of the world" in " ".join(found.notes)) == is_world
     base = flip if child.endswith("frd") else Rotation.identity()
     if parent == "map_ned":  # nothing says in which axes the base is

@@ -88,7 +88,8 @@ def test_an_attitude_turns_our_base_axes_to_our_world_axes(
         "quaternion"
     ]
     np.testing.assert_allclose(matrix(found.values[0]), wanted, atol=1e-12)
-    np.testing.assert_allclose(found.values[0], found.values[1], atol=1e-12)  # no jump of the sign
+    # no jump of the sign
+    np.testing.assert_allclose(found.values[0], found.values[1], atol=1e-12)
 
 
 def test_a_velocity_in_base_axes_is_turned_by_the_attitude(tmp_path: Path) -> None:
@@ -121,7 +122,8 @@ def test_a_row_that_lost_or_won_a_cell_is_not_read_shifted(tmp_path: Path, cells
     assert found["gyro"].time.size == 99
     assert found.notes[0] == "file: 1 of 100 rows have not the 5 cells of the head and count as empty."
     ended = flight(tmp_path, "\n".join(["t,p,q,r,v", *(f"{row}," for row in rows[:40])]), TIME + GYRO)
-    assert ended["gyro"].time.size == 40  # a separator at the end of each row is no cell
+    # a separator at the end of each row is no cell
+    assert ended["gyro"].time.size == 40
     assert ended.notes == ()
 
 
@@ -286,7 +288,8 @@ def test_a_velocity_in_base_axes_is_turned_where_there_is_an_attitude(tmp_path: 
     mapping = TIME + QUATERNION + '[velocity]\ncolumns = ["u", "v", "s"]\nframe = "FLU"\n'
     found = flight(tmp_path, "\n".join(["t,w,x,y,z,u,v,s", *rows]), mapping)
     np.testing.assert_allclose(found["velocity"].values, [[0, 1, 0]] * 3, atol=1e-12)
-    np.testing.assert_allclose(found["velocity"].time, [0, 1, 2])  # the flight begins with the attitude
+    # the flight begins with the attitude
+    np.testing.assert_allclose(found["velocity"].time, [0, 1, 2])
     assert found["velocity"].source == "u, v, s, turned by the attitude"
     assert found.notes[-1] == "velocity: 3 of 6 rows lie outside the attitude and are left out."
 
@@ -340,7 +343,8 @@ def test_rows_that_a_message_lacks_are_told_from_rows_of_other_messages(tmp_path
     rows, _ = messages({"p": 100.0, "v": 37.0}, 8.0)
     lost = {f"{0.01 * k:.6f}" for k in (200, 201, 500)}
     rows = [f"{row.split(',')[0]},," if row.split(",")[0] in lost else row for row in rows]
-    rows = [row for row in rows if not 5.0 < float(row.split(",")[0]) < 6.0]  # the logger paused: no row is lost
+    # the logger paused: no row is lost
+    rows = [row for row in rows if not 5.0 < float(row.split(",")[0]) < 6.0]
     mapping = TIME + '[rotor_speeds]\ncolumns = ["p"]\n[voltage]\ncolumns = ["v"]\n'
     found = flight(tmp_path, "\n".join(["t,p,v", *rows]), mapping)
     assert "rotor_speeds: 3 of 701 rows are without numbers and are left out." in found.notes
@@ -490,7 +494,8 @@ def test_times_of_which_no_unit_or_two_can_be_true_are_one_line(
 
 
 def test_a_date_tells_two_units_apart(tmp_path: Path) -> None:
-    for begin, rate in ((1_714_557_600_000, 10.0), (1_714_557_600_000_000, 10_000.0)):  # ms and us since 1970
+    # ms and us since 1970
+    for begin, rate in ((1_714_557_600_000, 10.0), (1_714_557_600_000_000, 10_000.0)):
         found = flight(tmp_path, table_of_times([f"{begin + 100 * k}" for k in range(60)]), TIME + GYRO)
         np.testing.assert_allclose(found["gyro"].time, np.arange(60) / rate, atol=1e-6)
         assert found.facts["start"] == pytest.approx(1_714_557_600.0)

@@ -341,7 +341,8 @@ def test_speeds_are_those_of_the_motor_that_a_controller_drives(tmp_path: Path) 
     speeds = np.array([[500.0, 600.0, 700.0, 800.0]])
     flight = load_flight(written(tmp_path, packed([combined(1_500_000), given])))
     np.testing.assert_allclose(flight["rotor_speeds"].values, speeds * np.pi / 30.0)
-    gazebo = {"CA_ROTOR_COUNT": 4, "SIM_GZ_EC_FUNC1": 101}  # whose plugin puts rad/s there
+    # whose plugin puts rad/s there
+    gazebo = {"CA_ROTOR_COUNT": 4, "SIM_GZ_EC_FUNC1": 101}
     flight = load_flight(written(tmp_path, packed([combined(1_500_000), given], gazebo)))
     np.testing.assert_allclose(flight["rotor_speeds"].values, speeds)
     silent = "esc_status", (1_500_000, 0, *(0.0, 0) * 4)
@@ -409,7 +410,8 @@ def test_a_wrong_file_is_one_line(tmp_path: Path, data: bytes, words: str) -> No
 @pytest.mark.parametrize(
     ("before", "after"),
     [
-        (b"float[3] gyro_rad", b"float[9] gyro_rad"),  # rows are shorter than the format
+        # rows are shorter than the format
+        (b"float[3] gyro_rad", b"float[9] gyro_rad"),
         (b"float[3] gyro_rad", b"flaat[3] gyro_rad"),
         (b"float[3] gyro_rad", b"sensor_combined g"),
         (b"float[3] gyro_rad", b"float[99999] rads"),
@@ -464,7 +466,8 @@ def test_bytes_that_begin_no_message_at_the_end_of_a_file_are_damage(tmp_path: P
 def test_a_file_that_is_damaged_and_then_cut_is_said_to_be_both(tmp_path: Path) -> None:
     data = bytearray(packed([combined(1_500_000 + 4000 * k) for k in range(12)])[:-5])
     size = 3 + 2 + struct.calcsize(PACKED["sensor_combined"])
-    data[-7 * size + 1 + 5] = 0xFF  # the length of a message, which is now beyond the end
+    # the length of a message, which is now beyond the end
+    data[-7 * size + 1 + 5] = 0xFF
     flight = load_flight(written(tmp_path, bytes(data)))
     assert flight["gyro"].time.size == 10
     assert flight.notes == (
@@ -517,7 +520,8 @@ def test_a_published_log_has_the_numbers_of_pyulog_and_stands_upright() -> None:
     wanted = np.stack([motors[f"control[{k}]"] for k in range(4)], axis=1)[
         np.clip(rows, 0, len(motors["timestamp"]) - 1)
     ]
-    assert np.abs(given.values - wanted).max() < 1e-3  # an output is a whole number of microseconds
+    # an output is a whole number of microseconds
+    assert np.abs(given.values - wanted).max() < 1e-3
     assert flight["accelerometer"].values[:, 2].mean() == pytest.approx(9.8, abs=0.3)
     rising = np.interp(flight["velocity"].time, flight["position"].time, flight["position"].values[:, 2])
     assert np.corrcoef(np.gradient(rising, flight["velocity"].time), flight["velocity"].values[:, 2])[0, 1] > 0.9
@@ -544,7 +548,8 @@ def test_rows_lack_the_padding_at_the_end_of_their_format(tmp_path: Path) -> Non
 @pytest.mark.parametrize(
     ("letter", "body"),
     [
-        ("P", keyed("int32_t", "PWM_MIN", struct.pack("<i", 1234))),  # changed in flight
+        # changed in flight
+        ("P", keyed("int32_t", "PWM_MIN", struct.pack("<i", 1234))),
         ("P", keyed("float", "PWM_MIN", b"12")),  # a value of two bytes
         ("O", b"1"),
         ("A", b"\0"),
@@ -620,7 +625,8 @@ def test_a_mean_over_a_span_is_put_at_the_middle_of_the_span(
     spans = [value if unit == 1.0 else value * unit for value in (4000, 6000)]
     rows = [(name, (*values, *spans)) for name, values in (combined(1_500_000 + 4000 * k) for k in range(5))]
     flight = load_flight(written(tmp_path, packed([*rows, ("battery_status", (1_500_000, 15.0))])))
-    start = 1.5 + 1e-6 * (2000 - 3000) - flight.facts["start"]  # of the accelerometer, 2 ms after the gyro's stamp
+    # of the accelerometer, 2 ms after the gyro's stamp
+    start = 1.5 + 1e-6 * (2000 - 3000) - flight.facts["start"]
     np.testing.assert_allclose(flight["gyro"].time, 1.498 - flight.facts["start"] + 0.004 * np.arange(5), atol=1e-8)
     np.testing.assert_allclose(flight["accelerometer"].time, start + 0.004 * np.arange(5), atol=1e-8)
     np.testing.assert_allclose(flight["voltage"].time, [0.002], atol=1e-8)

@@ -366,7 +366,8 @@ DAMAGED: Mapping[str, Damage] = {
 def damaged(name: str) -> tuple[FlightData, Case, Vehicle]:
     """Damaged flight, the vehicle that flew it, and the start that is told."""
     damage = DAMAGED[name]
-    case = planted(damage.kind, list(DAMAGED).index(name) % 7)  # the eighth lends its pose
+    # the eighth lends its pose
+    case = planted(damage.kind, list(DAMAGED).index(name) % 7)
     flight = measured(case, "low", damage.without, seconds=SECONDS)
     made = damage.make(flight)
     return dataclasses.replace(made, file="flight.csv"), case, damage.start(case.start)

@@ -21,7 +21,8 @@ from concurrent.futures import ProcessPoolExecutor, as_completed
 from pathlib import Path
 from typing import Any
 
-sys.path.append(str(Path(__file__).parents[1]))  # the tests' own vehicles, when this is run as a program
+# the tests' own vehicles, when this is run as a program
+sys.path.append(str(Path(__file__).parents[1]))
 
 import numpy as np
 from planted_flights import KINDS, LANES, POSES, measured, planted
@@ -201,7 +202,8 @@ def run(
     rows = [json.loads(line) for line in out.read_text("utf-8").splitlines()] if out.is_file() else []
     done = {(row["kind"], row["seed"], row["noise"], row["channels"]): row for row in rows}
     left = [case for case in wanted if case not in done]
-    alone = multiprocessing.get_context("spawn")  # a fork of a process with JAX in it may never end
+    # a fork of a process with JAX in it may never end
+    alone = multiprocessing.get_context("spawn")
     with ProcessPoolExecutor(workers, alone) as pool, out.open("a", encoding="utf-8") as file:
         futures = {pool.submit(identify, case): case for case in left}
         for future in as_completed(futures):

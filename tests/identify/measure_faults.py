@@ -15,7 +15,8 @@ from collections import Counter
 from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 
-sys.path.append(str(Path(__file__).parents[1]))  # the tests' own vehicles, when this is run as a program
+# the tests' own vehicles, when this is run as a program
+sys.path.append(str(Path(__file__).parents[1]))
 
 from judged_flights import DAMAGED, SOUND, accusations, verdict
 

@@ -18,7 +18,8 @@ import warnings
 from collections.abc import Iterator
 from pathlib import Path
 
-sys.path.append(str(Path(__file__).parents[1]))  # the tests' own modules, when this is run as a program
+# the tests' own modules, when this is run as a program
+sys.path.append(str(Path(__file__).parents[1]))
 
 import skyarm
 from skyarm.flight_data.flight_data import load_flight

@@ -14,7 +14,8 @@ from pathlib import Path
 
 import numpy as np
 
-sys.path.append(str(Path(__file__).parents[1]))  # the tests' own modules, when this is run as a program
+# the tests' own modules, when this is run as a program
+sys.path.append(str(Path(__file__).parents[1]))
 
 from planted_lags import numbers_of, planted, truths_of
 

@@ -19,7 +19,8 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
-sys.path.append(str(Path(__file__).parents[1]))  # the tests' own vehicles, when this is run as a program
+# the tests' own vehicles, when this is run as a program
+sys.path.append(str(Path(__file__).parents[1]))
 
 from judged_flights import unpacked
 from planted_flights import measured, planted

@@ -51,7 +51,8 @@ def fly_designed(seed, duration=60.0, more=None):
     numbers = plant_numbers(seed) | (more or {})
     vehicle = vehicle_with(NOMINAL, numbers, checked=True)
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", WithoutEffectWarning)  # its inertial unit is for the log
+        # its inertial unit is for the log
+        warnings.simplefilter("ignore", WithoutEffectWarning)
         designed = skyarm.load_scenario(str(DESIGNED))
     log = skyarm.run(
         dataclasses.replace(

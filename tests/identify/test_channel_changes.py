@@ -243,7 +243,8 @@ def test_a_board_that_lies_on_its_side_is_set_upright(axis, degrees):
     """Whatever it is turned by about z, once the thrust is along z."""
     down = np.eye(3)["xyz".index(axis[-1])] * (-1.0 if axis[0] == "-" else 1.0)
     side = np.roll(down, 1)
-    lying = np.stack([side, np.cross(down, side), down])  # rows: axes of the vehicle in those of the board
+    # rows: axes of the vehicle in those of the board
+    lying = np.stack([side, np.cross(down, side), down])
     c, s = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
     turn = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]]) @ lying
     wrong = then(*(rows_of(name, lambda rows: rows @ turn) for name in ("gyro", "accelerometer")))(SOUND)

@@ -135,7 +135,8 @@ def test_amplitudes_fall_with_a_drawn_power_of_the_frequency_between_none_and_tw
     factors = np.array([0.5, 1.0, 2.0, 0.0, 0.3, 0.7])
     segments[0] = dataclasses.replace(segments[0], offsets=np.array([0.1, -0.2, 0.3, 0.4, -0.5, 0.6]))
     scaled = segments[0].scale(factors).motion(times)
-    assert scaled[0] == pytest.approx(factors[:, None] * segments[0].motion(times)[0], abs=1e-4)  # of 5 digits
+    # of 5 digits
+    assert scaled[0] == pytest.approx(factors[:, None] * segments[0].motion(times)[0], abs=1e-4)
 
 
 def test_the_reference_is_that_of_the_segments():

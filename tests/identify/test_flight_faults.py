@@ -393,7 +393,8 @@ def test_a_sound_flight_with_fewer_channels_has_no_fault(sound):
 def test_sensors_within_their_data_sheets_have_no_fault(sound):
     biased = change(sound, "accelerometer", lambda rows: rows + np.array([0.2, -0.2, 0.25]))
     assert find_faults(scaled("gyro", 1.03)(biased), START) == ()
-    assert find_faults(ONLY_RATES(scaled("accelerometer", 1.055)(sound)), START) == ()  # as a published one
+    # as a published one
+    assert find_faults(ONLY_RATES(scaled("accelerometer", 1.055)(sound)), START) == ()
 
 
 def test_joints_at_rest_on_coarse_encoders_are_not_frozen(sound):
@@ -401,11 +402,13 @@ def test_joints_at_rest_on_coarse_encoders_are_not_frozen(sound):
     step = 2.0 * np.pi / 2**12
 
     def coarse(rows):
-        ramp = np.clip(np.linspace(-0.2, 1.2, len(rows)), 0.0, 1.0)[:, None]  # still at both ends
+        # still at both ends
+        ramp = np.clip(np.linspace(-0.2, 1.2, len(rows)), 0.0, 1.0)[:, None]
         return step * np.round(rows[:1] / step + ramp * 600.0)
 
     flight = change(sound, "joint_positions", coarse)
-    found = check_log(flight, START)  # a search for why the joints jump would take minutes
+    # a search for why the joints jump would take minutes
+    found = check_log(flight, START)
     assert [each for each in found if "frozen" in each.finding] == []
 
 

@@ -95,7 +95,8 @@ def test_a_flight_without_poses_shows_rates_and_accelerations_only():
     assert found.notes == ("flight: no quaternion is measured: rate and specific force are predicted, and no pose",)
     for errors in found.errors.values():
         assert all(math.isnan(each.position) and math.isnan(each.attitude) for each in errors)
-    assert found.errors[IDENTIFIED][0].rate < 0.3 * found.errors[HOLD][0].rate  # without the drag of its speed
+    # without the drag of its speed
+    assert found.errors[IDENTIFIED][0].rate < 0.3 * found.errors[HOLD][0].rate
     assert found.one_step[IDENTIFIED].specific_force < 0.1 * found.one_step[START].specific_force
     # beside one with poses it counts in accelerations alone
     both = predict_held_out(identified(), heavier(), [flight, flight_of()], horizons=(0.03,))
@@ -402,6 +403,7 @@ def test_flights_of_the_fit_without_poses_or_begins_without_a_past_show_none(mon
     monkeypatch.setattr(held_out, "learn_from_past", lambda *_: pytest.fail("there is no past"))
     flight = flight_of()
     plain = predict_held_out(identified(), QUAD, [flight], horizons=(0.1, 1.3)).errors
-    for seen in ([flight_of(without=POSES)], [flight]):  # no begin with a past has so long a horizon behind it
+    # no begin with a past has so long a horizon behind it
+    for seen in ([flight_of(without=POSES)], [flight]):
         found = predict_held_out(identified(), QUAD, [flight], seen=seen, horizons=(0.1, 1.3))
         assert found.errors == plain

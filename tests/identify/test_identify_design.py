@@ -50,7 +50,8 @@ def test_the_help_has_each_limit_with_its_unit_and_default():
 
 
 @pytest.mark.thorough
-@pytest.mark.filterwarnings("ignore::skyarm.scenario.without_effect.WithoutEffectWarning")  # its inertial unit
+# its inertial unit
+@pytest.mark.filterwarnings("ignore::skyarm.scenario.without_effect.WithoutEffectWarning")
 def test_a_design_is_a_scenario_that_flies(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     done = skyarm("identify", "--design", "hummingbird", "--seconds", "20", "--box", "1", "-o", "excite.toml")

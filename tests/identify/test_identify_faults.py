@@ -94,7 +94,8 @@ def test_a_file_that_is_cut_off_is_too_short_or_damaged():
 
 
 def test_a_fault_is_warned_of_if_the_flight_is_wanted_despite_it(monkeypatch):
-    monkeypatch.setattr(identify_windows, "fit_windows", partial(fit_windows, turns=2))  # what is found does not matter
+    # what is found does not matter
+    monkeypatch.setattr(identify_windows, "fit_windows", partial(fit_windows, turns=2))
     rows = hover()
     grams(rows)
     write(rows)

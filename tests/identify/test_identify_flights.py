@@ -58,7 +58,8 @@ def flights(tmp_path_factory):
     path = Trajectory(
         x=sine_from_rest(0.3, 0.6, 0.0),
         y=sine_from_rest(0.4, 0.8, 2.0),
-        z=Sum((Constant(5.0), sine_from_rest(0.17, 1.1, 1.0))),  # below g: its rotors never rest
+        # below g: its rotors never rest
+        z=Sum((Constant(5.0), sine_from_rest(0.17, 1.1, 1.0))),
         yaw=sine_from_rest(0.5, 0.7, 1.0),
     )
     noisy = Imu(gyro=Errors(sigma=0.003), accelerometer=Errors(sigma=0.03))
@@ -179,7 +180,8 @@ def test_motion_capture_of_another_clock_gives_the_numbers_of_the_aligned_log(id
     words += ["--join", str(tmp_path / "mt/flight.csv")] if files == 2 else []
     done = skyarm("identify", *words, *(word for each in KNOWN for word in ("--known", each)))
     assert done.code == 0, done.err
-    offset = OFFSET if files == 1 else time[LATER] - time[0]  # the stamps of each file begin at 0
+    # the stamps of each file begin at 0
+    offset = OFFSET if files == 1 else time[LATER] - time[0]
     said = "moved to the clock of gyro" if files == 1 else "are of flight, moved to the clock of gyro"
     assert re.search(rf"position, velocity, quaternion: {said}: offset \+(36|37|299|300)\.", done.out)
     found, same = (
@@ -192,7 +194,8 @@ def test_motion_capture_of_another_clock_gives_the_numbers_of_the_aligned_log(id
     assert min(clock["offset_error"], clock["drift_error"]) > 0.0
     for one, other in zip(found["numbers"], same["numbers"], strict=True):
         assert one["name"] == other["name"]
-        if other["value"] is not None and one["name"] != "pose_delay":  # what the offset's own error leaves
+        # what the offset's own error leaves
+        if other["value"] is not None and one["name"] != "pose_delay":
             assert one["value"] == pytest.approx(other["value"], abs=0.1 * (other["high"] - other["low"])), one["name"]
 
 

@@ -219,7 +219,8 @@ def test_what_a_flight_does_not_show_is_said_and_stays(found, hovered):
     assert inertia.low < inertia.value < inertia.high
     for number in (*found.numbers, *hovered.numbers):
         assert number.low <= number.value < number.high
-        assert number.low < number.value or number.low == 0.0  # cut off where physics ends
+        # cut off where physics ends
+        assert number.low < number.value or number.low == 0.0
         assert bool(number.reason) == (number.data_share < 0.5)
 
 
@@ -344,7 +345,8 @@ def test_the_vehicle_has_the_numbers_of_the_table_whatever_goes_back_beside_them
     unknowns = [each for each in unknowns_of(START, **ALL) if each.name.startswith("base.")]
     searched = np.array([each.begin for each in unknowns]) + np.where([each.positive for each in unknowns], 0.1, 1e-5)
     found = {each.name: each.value(x) for each, x in zip(unknowns, searched.tolist(), strict=True)}
-    plain = {name: 1.3 * value for name, value in found.items()}  # as the numbers at their starts would have it
+    # as the numbers at their starts would have it
+    plain = {name: 1.3 * value for name, value in found.items()}
     scale = scale_of(SimpleNamespace(values=searched), unknowns, reported_of(unknowns), {})
     scale = dataclasses.replace(scale, starts=factor * scale.starts)
     names = [each.name for each in scale.reported]
@@ -547,7 +549,8 @@ def test_moments_that_no_body_has_together_become_the_nearest_that_one_has():
     real = Sym3(1.4e-5, 1.5e-5, 2.8e-5, 1e-7, 0.0, 0.0)
     assert of_a_body(real) is real
     flat = of_a_body(Sym3(1.43e-5, 1.47e-5, 2.91e-5, 0.0, 0.0, 0.0))
-    lacks = 1e-3 * 2.905e-5 + 0.5e-7  # least second moment of mass, and what z's was below zero
+    # least second moment of mass, and what z's was below zero
+    lacks = 1e-3 * 2.905e-5 + 0.5e-7
     assert (flat.xx, flat.yy, flat.zz) == pytest.approx((1.43e-5 + lacks, 1.47e-5 + lacks, 2.91e-5), rel=1e-6)
     tilted = of_a_body(Sym3(1.43003e-5, 1.46993e-5, 2.9e-5, 0.0, 1e-7, 2e-7))
     moments = principal_moments(tilted)

@@ -614,7 +614,8 @@ STILL = rows_of("accelerometer", lambda rows: np.tile([[0.0, 0.0, 9.8], [0.0, 0.
 def test_sizes_are_over_the_noise_that_a_sensor_shows_from_sample_to_sample(window):
     left = Leavings(VEHICLE).rows(STILL, 60, 40)
     change = 1.4826 * 0.1
-    noise = np.sqrt(0.01**2 + (change**2 - 2.0 * 0.01**2) / 12.0)  # of a mean over a period, as well
+    # of a mean over a period, as well
+    noise = np.sqrt(0.01**2 + (change**2 - 2.0 * 0.01**2) / 12.0)
     assert left.sizes["gyro", 0] == pytest.approx(2.0)
     assert left.sizes["accelerometer", 2] == pytest.approx(0.02 / noise)
     assert left.sizes["unexplained force", 0] == pytest.approx(0.5)

@@ -77,7 +77,8 @@ def test_drawn_offsets_of_a_joint_are_about_mid_range_and_the_base_has_none():
     offsets = np.array([each.offsets for each in drawn])
     assert not offsets[:, :4].any()
     about = offsets[:, 4] + AXES.rest[4]
-    assert about.mean() == pytest.approx(1.0, abs=0.06)  # of 200 draws: four standard deviations
+    # of 200 draws: four standard deviations
+    assert about.mean() == pytest.approx(1.0, abs=0.06)
     # an offset leaves room for the swing, between a tenth of the range's half and the whole of it
     sizes = np.array([np.abs(swings(each)[4]).max() for each in drawn[:60]])
     assert (np.abs(about[:60] - 1.0) + sizes <= 0.7 * (1.0 + 2e-3)).all()
@@ -117,7 +118,8 @@ def test_a_segment_rises_and_falls_in_a_second_and_a_half_and_swings_in_full_bet
     value = segment.motion(TIMES)[0]
     full = 0.1 + swings(segment)
     between = (TIMES > 1.5) & (TIMES < LENGTH - 1.5)
-    np.testing.assert_allclose(value[:, between], full[:, between], atol=2e-3)  # phases of 3 digits
+    # phases of 3 digits
+    np.testing.assert_allclose(value[:, between], full[:, between], atol=2e-3)
     outside = (TIMES < 1.4) | (TIMES > LENGTH - 1.4)
     assert (np.abs(value[:, outside]) <= np.abs(full[:, outside]) + 2e-3).all()
     ends = np.searchsorted(TIMES, [0.75, LENGTH - 0.75])

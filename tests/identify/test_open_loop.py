@@ -235,7 +235,8 @@ def states_of(flight, about=ABOUT):
     [
         (("position", "velocity", "quaternion"), 0.0, 1e-9),
         (("position", "quaternion"), 0.0, 1e-9),  # a parabola's slope is exact
-        (("position", "quaternion"), 1e-3, 0.08),  # of 10 ms alone a noise of 1 mm would be 0.14 m/s
+        # of 10 ms alone a noise of 1 mm would be 0.14 m/s
+        (("position", "quaternion"), 1e-3, 0.08),
         (("velocity", "quaternion"), 0.0, 1e-9),
     ],
 )

@@ -107,7 +107,8 @@ def test_a_mass_is_doubted_if_thrust_and_inertia_are_off_alike(factors, doubted)
 def test_a_zero_is_doubted_if_a_link_s_centre_of_mass_is_turned_about_its_joint(turn, doubted):
     link = START.links[1]
     was = np.array([*link.body.com], dtype=float)
-    at = np.array([was[2] * np.sin(turn), 0.0, was[2] * np.cos(turn)])  # about y, of a link that hangs along z
+    # about y, of a link that hangs along z
+    at = np.array([was[2] * np.sin(turn), 0.0, was[2] * np.cos(turn)])
     assert tuple(link.joint.axis) == (0, 1, 0)
     numbers = {f"links__{link.name}__com__{axis}": (at[i], was[i]) for i, axis in enumerate("xyz")}
     found = several(**numbers)

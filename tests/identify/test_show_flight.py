@@ -42,7 +42,8 @@ def test_a_page_of_a_table_as_json():
     assert channels["gyro"]["rate_hz"] == pytest.approx(100.0, rel=1e-3)
     assert channels["gyro"]["unit"] == "rad/s"
     assert channels["voltage"]["source"] == "pwr_pm_vbat"
-    assert page["clock"].startswith("unknown: clocks: offsets of ")  # its motion repeats itself
+    # its motion repeats itself
+    assert page["clock"].startswith("unknown: clocks: offsets of ")
     assert "excitation" not in page
 
 

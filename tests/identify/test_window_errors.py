@@ -187,7 +187,8 @@ def test_slopes_are_central_differences_of_the_errors(setup, names, memory):
     """
     errors, searched = errors_of(setup)
     errors.take_samples(searched)
-    if "setpoint_hold" in errors.names:  # setpoints that are held jump, and the speed limit alone moves the goal
+    # setpoints that are held jump, and the speed limit alone moves the goal
+    if "setpoint_hold" in errors.names:
         searched = np.where(np.array(errors.names) == "setpoint_hold", 2.3, searched)
     names = errors.names if names is None else names
     free, moved = by_central_differences(errors, searched, displaced(errors), names)

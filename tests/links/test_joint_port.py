@@ -190,7 +190,8 @@ def test_fuzzed_datagrams_change_nothing_and_hide_no_command(server, arm, monkey
 
 
 def test_a_flood_of_datagrams_does_not_hold_the_owner_up(server, arm):
-    server._socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 1 << 20)  # the usual one holds some 260
+    # the usual one holds some 260
+    server._socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 1 << 20)
     for _ in range(300):
         arm.send((1.0, 2.0), 0.0)
     server.exchange(0.0, (0.0, 0.0), (0.0, 0.0))

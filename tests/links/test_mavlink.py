@@ -89,7 +89,8 @@ def test_extensions_that_the_oracle_lacks_are_sent_behind_its_own(name: str, fie
     assert frame[HEADER + place : -CHECKSUM] == sent
     (message,) = Parser().feed(frame)
     assert {field: message[field] for field in fields} == fields
-    theirs = ardupilotmega.MAVLink(None).parse_char(frame)  # a longer payload than it knows: the rest is ignored
+    # a longer payload than it knows: the rest is ignored
+    theirs = ardupilotmega.MAVLink(None).parse_char(frame)
     assert theirs.get_type() == name
 
 
@@ -382,9 +383,11 @@ def test_fuzzed_packets_raise_nothing_keep_little_and_hide_no_frame(packets: int
         assert len(parser._pending) <= LONGEST
     found += parser.feed(bytes(LONGEST))
     assert len(sent) > 0.5 * packets
-    assert len(found) - len(sent) <= packets * 2**-8  # damage that is zeros again at the end, and chance
+    # damage that is zeros again at the end, and chance
+    assert len(found) - len(sent) <= packets * 2**-8
     left = iter(found)
-    assert all(any(repr(each) == repr(one) for one in left) for each in sent)  # in order; repr: not a number is itself
+    # in order; repr: not a number is itself
+    assert all(any(repr(each) == repr(one) for one in left) for each in sent)
     assert parser.bad > 0.25 * packets
 
 
@@ -401,6 +404,7 @@ def test_a_frame_takes_about_as_long_as_the_oracle_s_at_most() -> None:
         lambda: link.parse_buffer(frame),
     )
     rounds = [[timeit.timeit(call, number=50) for call in calls] for _ in range(60)]
-    ours_sent, sent, ours_read, read = map(min, zip(*rounds, strict=True))  # of an idle core
+    # of an idle core
+    ours_sent, sent, ours_read, read = map(min, zip(*rounds, strict=True))
     assert ours_sent < 1.1 * sent
     assert ours_read < 0.8 * read

@@ -98,7 +98,8 @@ def test_whole_numbers_are_refused_beyond_the_range_that_is_named(name: str, fie
 
 def test_the_checksum_is_the_published_one_and_that_of_its_definition() -> None:
     rng = random.Random(29)
-    assert checksum(b"123456789") == 0x6F91  # catalogue of CRC algorithms, CRC-16/MCRF4XX
+    # catalogue of CRC algorithms, CRC-16/MCRF4XX
+    assert checksum(b"123456789") == 0x6F91
     for length in (0, 1, 2, 3, 9, 64, 280):
         data = rng.randbytes(length)
         assert checksum(data) == bitwise(data)

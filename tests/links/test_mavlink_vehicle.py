@@ -84,7 +84,8 @@ def test_commands_are_addressed_and_numbered() -> None:
     vehicle.command(400, 1)
     beat, *commands = mavlink.Parser().feed(b"".join(frames))
     assert (beat.name, beat["type"], beat["autopilot"], beat["system_status"]) == ("HEARTBEAT", 18, 8, 4)
-    assert [tuple(frame[4:7]) for frame in frames] == [(k, 7, 191) for k in range(6)]  # sequence and sender
+    # sequence and sender
+    assert [tuple(frame[4:7]) for frame in frames] == [(k, 7, 191) for k in range(6)]
     assert {(m["target_system"], m["target_component"]) for m in commands} == {(7, 1)}
     assert [[m["command"], m["param1"], m["param2"], m["param3"]] for m in commands] == [
         [176, 1, 6, 0], [176, 1, 4, 3], [511, 32, 20_000, 0], [511, 331, 4000, 0], [400, 1, 0, 0],

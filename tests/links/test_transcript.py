@@ -94,7 +94,8 @@ def test_a_transcript_begins_with_the_first_message_and_replaces_only_a_transcri
     assert file.read_bytes() == whole
     cut = Tape(str(file))
     cut.send("simulator", b"one", lambda data: None)
-    assert Tape(str(file)).plays is False  # of a flight that was killed: a transcript still
+    # of a flight that was killed: a transcript still
+    assert Tape(str(file)).plays is False
 
 
 def test_damaged_transcripts_end_in_one_line(tmp_path: Path) -> None:

@@ -30,7 +30,8 @@ def test_the_reference_has_a_frame_of_its_own(written):
 
 def test_markers_have_the_shapes_sizes_and_places(written):
     vehicle, _, found = written
-    kinds = {"ellipsoid": 2, "sphere": 2, "capsule": 3, "cylinder": 3}  # Marker.SPHERE, Marker.CYLINDER
+    # Marker.SPHERE, Marker.CYLINDER
+    kinds = {"ellipsoid": 2, "sphere": 2, "capsule": 3, "cylinder": 3}
     shapes, markers = vehicle_shapes(vehicle), found["/vehicle"][2][0].markers
     assert len({(marker.ns, marker.id) for marker in markers}) == len(markers) == len(shapes)
     for shape, marker in zip(shapes, markers, strict=True):

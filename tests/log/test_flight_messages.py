@@ -158,7 +158,8 @@ def test_other_control_rates_keep_their_order_and_lose_nothing(rate, fast, slow,
         assert (statistics.message_start_time, statistics.message_end_time) == (0, round(log.time[-1] * 1e9))
 
 
-@pytest.mark.filterwarnings("ignore:(start|end)_time is deprecated:DeprecationWarning")  # its new names are newer
+# its new names are newer
+@pytest.mark.filterwarnings("ignore:(start|end)_time is deprecated:DeprecationWarning")
 def test_the_index_leads_to_the_messages_of_some_time_and_topic(tmp_path):
     log = flown()
     path = skyarm.save_log(log, tmp_path / "flight.mcap")

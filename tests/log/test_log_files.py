@@ -101,7 +101,8 @@ def test_euler_angles_are_those_of_the_quaternion() -> None:
     x, y, z, w = rotation.from_euler("ZYX", angles[:, ::-1]).as_quat().T
     flight = run(load_scenario("case1", duration=0.25))
     turned = dataclasses.replace(flight, quaternion=np.stack([w, x, y, z], axis=1))
-    assert np.abs(turned.euler - angles).max() < 1e-12  # rounding, some digits lost near 90 degrees
+    # rounding, some digits lost near 90 degrees
+    assert np.abs(turned.euler - angles).max() < 1e-12
 
 
 @pytest.mark.parametrize("short_of", [1e-3, 1e-6, 1e-7])

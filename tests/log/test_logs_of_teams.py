@@ -101,7 +101,8 @@ def test_readings_and_joints_are_those_of_the_vehicle_that_has_them(armed, tmp_p
 
 
 def test_messages_of_all_vehicles_are_due_again_after_the_least_common_multiple(armed):
-    assert FlightTopics(armed).period == 20  # 5 instants of the sensor at 40 Hz, 4 of the frames at 50 Hz
+    # 5 instants of the sensor at 40 Hz, 4 of the frames at 50 Hz
+    assert FlightTopics(armed).period == 20
 
 
 def test_each_topic_has_one_channel(armed, tmp_path):

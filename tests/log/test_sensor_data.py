@@ -255,7 +255,8 @@ def test_messages_are_those_of_ros_at_the_instants_at_which_readings_arrive(tmp_
             assert found[f"/sensors/{name}"][1] == wanted.tolist(), name
         _, times, pose = found["/sensors/mocap"]
         stamps = np.array([each.header.stamp.sec + 1e-9 * each.header.stamp.nanosec for each in pose])
-        np.testing.assert_allclose(1e-9 * np.array(times) - stamps, 0.01, atol=1e-8)  # as late as the sensor is
+        # as late as the sensor is
+        np.testing.assert_allclose(1e-9 * np.array(times) - stamps, 0.01, atol=1e-8)
         x = [each.pose.position.x for each in pose]
         assert x == log.readings["mocap"]["position"][2::4, 0].tolist()
         assert {each.header.frame_id for each in pose} == {"world"}

@@ -19,7 +19,8 @@ WORDS = [each for each in slots(Scenario) if each.path != "sensors.*"]
 @pytest.mark.parametrize("slot", WORDS, ids=lambda each: each.path)
 def test_a_word_leads_to_its_field(slot: Slot) -> None:
     held = part(SCENARIO, slot.record)
-    left_out = slot.path in ("payloads", "changes", "plant.closure")  # where there are none, or the usual one
+    # where there are none, or the usual one
+    left_out = slot.path in ("payloads", "changes", "plant.closure")
     assert written_at(INFO, slot.table) == (None if left_out else plain(held))
     if slot.path in ("plant", "reference", "delays"):
         assert restored_at(INFO, slot.path) == held

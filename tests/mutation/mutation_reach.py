@@ -15,8 +15,10 @@ from pathlib import Path
 from types import CodeType, FrameType
 from typing import Any
 
-FOLDER = "SKYARM_REACH_FOLDER"  # set for the traced process and those it starts: where their records go
-CHILD = "import mutation_reach\nmutation_reach.trace_child()\n"  # the sitecustomize of every process started below
+# set for the traced process and those it starts: where their records go
+FOLDER = "SKYARM_REACH_FOLDER"
+# the sitecustomize of every process started below
+CHILD = "import mutation_reach\nmutation_reach.trace_child()\n"
 
 
 class Tracer:
@@ -26,7 +28,8 @@ class Tracer:
         self.root = str(root) + os.sep
         self.known: dict[CodeType, str | None] = {}
         self.seen: set[CodeType] = set()
-        self.append_to: Path | None = None  # a child writes at once: it may end without a last word
+        # a child writes at once: it may end without a last word
+        self.append_to: Path | None = None
 
     def name(self, code: CodeType) -> str | None:
         """Return ``file:first line`` of a function in the package, None of any other."""

@@ -130,12 +130,14 @@ def flown() -> dict[str, tuple[Any, Any]]:
 def test_a_vehicle_as_a_part_flies_as_an_agent(flown: Any, plant: str) -> None:
     own, pair = flown[plant]
     left, right = pair.agents.values()
-    assert np.ptp(own.position[:, 0]) > 0.05  # the bar pushes both apart, and turns them
+    # the bar pushes both apart, and turns them
+    assert np.ptp(own.position[:, 0]) > 0.05
     assert np.ptp(own.euler[:, 1]) > 0.5
     assert np.abs(own.position - left.position).max() < 1e-6
     assert np.abs(own.quaternion - left.quaternion).max() < 1e-6
     assert np.abs(own.partner - right.position).max() < 1e-6
-    assert np.abs(own.position[:, 0] + own.partner[:, 0]).max() < 1e-6  # of equal vehicles, as a mirror says
+    # of equal vehicles, as a mirror says
+    assert np.abs(own.position[:, 0] + own.partner[:, 0]).max() < 1e-6
 
 
 def test_a_vehicle_as_a_part_flies_alike_on_both_plants(flown: Any) -> None:

@@ -44,7 +44,8 @@ def draw_small(patch: pytest.MonkeyPatch, *modules: ModuleType) -> None:
 
     def small(figure: Any, kind: str = "png", **_: float) -> bytes:
         assert kind == "png"
-        if id(figure) not in drawn:  # the figure is kept, so that no later one has its number
+        # the figure is kept, so that no later one has its number
+        if id(figure) not in drawn:
             drawn[id(figure)] = figure, image_bytes(figure, dpi=DPI)
         return drawn[id(figure)][1]
 

@@ -21,7 +21,8 @@ from typing import Any
 
 import numpy as np
 
-sys.path.append(str(Path(__file__).parents[1]))  # the tests' own modules, when this is run as a program
+# the tests' own modules, when this is run as a program
+sys.path.append(str(Path(__file__).parents[1]))
 
 import skyarm
 from skyarm.planning.plan_file import plan_bytes

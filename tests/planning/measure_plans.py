@@ -20,7 +20,8 @@ from typing import Any
 
 import numpy as np
 
-sys.path.append(str(Path(__file__).parents[1]))  # the tests' own modules, when this is run as a program
+# the tests' own modules, when this is run as a program
+sys.path.append(str(Path(__file__).parents[1]))
 
 from skyarm.algebra import Vec3
 from skyarm.planning.planner import Plan, PlanError, plan, tip_below

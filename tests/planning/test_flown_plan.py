@@ -103,7 +103,8 @@ def test_a_governor_beside_a_plan_is_refused(caught: Plan, tmp_path: Path) -> No
 
 
 def test_the_planned_centre_moves_on_as_taylors_polynomial_between_samples() -> None:
-    c = np.array([1.0, -2.0, 0.5, 3.0, -4.0])  # value and derivatives of a quartic along x
+    # value and derivatives of a quartic along x
+    c = np.array([1.0, -2.0, 0.5, 3.0, -4.0])
     held = tuple(float(v) for value in c for v in (value, 2.0 * value, 0.0))
     moved = planned_center(held, 0.3)
     polynomial = np.polynomial.Polynomial(c / [1.0, 1.0, 2.0, 6.0, 24.0])

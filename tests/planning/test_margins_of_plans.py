@@ -63,7 +63,8 @@ def test_a_plan_that_ends_with_a_hold_ends_at_rest() -> None:
     speeds = end[13 + 2 * n : 13 + 2 * n + 6] * np.array(found.stage.hover)
     assert np.abs(bodies.accelerations(end, speeds, np.zeros(n), np.zeros(3))[0][:6]).max() < 1e-4
     np.testing.assert_allclose(bodies.tip(end)[0], [1.0, 0.0, 1.0], atol=2e-6)
-    assert skyarm.load_task("eagle_catch").phases[1].to == Goal()  # a hold that is not the last moves on
+    # a hold that is not the last moves on
+    assert skyarm.load_task("eagle_catch").phases[1].to == Goal()
 
 
 def test_a_hold_that_states_its_velocity_keeps_it() -> None:

@@ -222,7 +222,8 @@ def test_limits_are_zero_where_the_quantity_is_at_its_limit(rich) -> None:
     counts = {name: stage.names.count(name) for name in stage.names}
     for link in task.vehicle.links:
         assert counts[f"torque of {link.joint.name}"] == 2
-        assert counts[f"rate of {link.joint.name}"] == 4  # at a node, and between it and the next
+        # at a node, and between it and the next
+        assert counts[f"rate of {link.joint.name}"] == 4
         assert counts[f"position of {link.joint.name}"] == 2
     for rotor in task.vehicle.rotors:
         assert counts[f"thrust of {rotor.name}"] == counts[f"acceleration of {rotor.name}"] == 2

@@ -67,7 +67,8 @@ def test_runge_kutta_is_of_fourth_order_while_rotors_lag(tumbled):
     world, x, command, end = tumbled
     plant = RigidBodyPlant(world, WIND, "rk4")
     errors = [np.abs(flown(plant, x, command, dt, 0.16) - end).max() for dt in (0.008, 0.004, 0.002, 0.001)]
-    assert errors[-1] > 1e-11  # above the reference's own error, or the slope would mean nothing
+    # above the reference's own error, or the slope would mean nothing
+    assert errors[-1] > 1e-11
     assert order(errors)[-1] == pytest.approx(4.0, abs=0.2)
 
 

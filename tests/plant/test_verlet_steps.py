@@ -297,4 +297,5 @@ def test_calm_is_what_touches_nothing_although_grasps_hold_it():
         there = dataclasses.replace(memory, carried=(moved,))
         assert bool(contact.calm(there, motion, 0.005)) is calm
         assert contact.far(there, motion, 0.005) is False
-        assert not contact.calm(dataclasses.replace(there, finer=(1.1,)), motion, 0.005)  # just after an impact
+        # just after an impact
+        assert not contact.calm(dataclasses.replace(there, finer=(1.1,)), motion, 0.005)

@@ -89,7 +89,8 @@ def test_printed_lines_have_the_words_of_the_textbook() -> None:
     found = []
     for name, tree in trees().items():
         nodes = [node for node in ast.walk(tree) if isinstance(node, ast.Expr | ast.Constant)]
-        texts = {id(node.value) for node in nodes if isinstance(node, ast.Expr)}  # of readers of the source
+        # of readers of the source
+        texts = {id(node.value) for node in nodes if isinstance(node, ast.Expr)}
         printed = (node for node in nodes if isinstance(node, ast.Constant) and id(node) not in texts)
         lines = [each.value for each in printed if isinstance(each.value, str) and " " in each.value]
         found += [(name, line) for line in lines if RIDDLES.search(line)]

@@ -76,7 +76,8 @@ def test_a_rounded_rotation_becomes_the_nearest_one(digits: int, frame: bool) ->
         held = skyarm.Frame(name="f", link=-1, position=(0, 0, 0), rotation=given).rotation
     else:
         held = skyarm.Joint(name="j", rotation=given).rotation
-    np.testing.assert_allclose(np.array(held), left @ right, rtol=0.0, atol=2e-15)  # rounding of the decomposition
+    # rounding of the decomposition
+    np.testing.assert_allclose(np.array(held), left @ right, rtol=0.0, atol=2e-15)
     assert proper_rotation("again", held) == held
 
 

@@ -304,7 +304,8 @@ def test_the_second_file_of_a_name_gets_a_number(tmp_path: Path) -> None:
         (tmp_path / str(k)).mkdir()
         (tmp_path / str(k) / "push_same.py").write_text(f"x = {k % 2}\n")
         load_plugin(tmp_path / str(k) / "push_same.py")
-    ours = sorted(sha(tmp_path / str(k) / "push_same.py") for k in range(2))  # not in the order of loading
+    # not in the order of loading
+    ours = sorted(sha(tmp_path / str(k) / "push_same.py") for k in range(2))
     assert identities() == {"push_same.py": ours[0], "push_same.py (2)": ours[1]}
 
 

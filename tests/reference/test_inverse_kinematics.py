@@ -36,7 +36,8 @@ def test_a_reachable_pose_is_reached():
     p, R = tip(ARM6, wanted)
     found = solve(TASK6, p, R)
     at, turned = tip(ARM6, found)
-    np.testing.assert_allclose(at, p, atol=2e-5)  # the posture pulls where the wrist is nearly singular
+    # the posture pulls where the wrist is nearly singular
+    np.testing.assert_allclose(at, p, atol=2e-5)
     np.testing.assert_allclose(turned, R, atol=1e-4)
 
 

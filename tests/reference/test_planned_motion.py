@@ -126,7 +126,8 @@ def with_(name: str, value: float) -> np.ndarray[Any, Any]:
         ({"t": with_("t", 1e300)}, f"t: {WITHIN}"),
         ({"position": with_("position", -1e300)}, f"position: {WITHIN}"),
         ({"rotor_speeds": with_("rotor_speeds", 1e300)}, f"rotor_speeds: {WITHIN}"),
-        ({"gains": np.full((40, 4, 6), np.nan)}, f"gains: {WITHIN}"),  # which no reference reads
+        # which no reference reads
+        ({"gains": np.full((40, 4, 6), np.nan)}, f"gains: {WITHIN}"),
         ({"inputs": np.full((40, 4), 1e300)}, f"inputs: {WITHIN}"),
         ({"gains": np.array(["a"] * 40)}, "gains of type <U1: must be an array of numbers"),
         ({"gains": np.ones((40, 4))}, "gains of shape (40, 4): must be (40, any number, any number)"),

@@ -23,7 +23,8 @@ def test_the_motion_of_least_snap_is_the_spline_of_seventh_degree():
     spline = make_interp_spline(TIMES, VALUES, k=7, bc_type=(REST, REST))
     t = np.linspace(0.5, 5.0 - 1e-9, 101)
     for order, found in enumerate(MOTION.derivatives(t)):
-        np.testing.assert_allclose(found, spline(t, order), atol=1e-9)  # rounding of seventh powers
+        # rounding of seventh powers
+        np.testing.assert_allclose(found, spline(t, order), atol=1e-9)
 
 
 def test_no_other_derivatives_at_the_inner_points_cost_less():

@@ -99,7 +99,8 @@ def test_quintic_blend_is_the_polynomial_at_rest_at_both_ends():
     signal = SIGNALS["quintic"]
     for t in np.linspace(1.0, 3.499, 50):
         expected = [oracle(t)] + [oracle.derivative(k)(t) for k in range(1, 5)]
-        np.testing.assert_allclose(signal.derivatives(float(t)), expected, atol=1e-12)  # rounding of the Bernstein form
+        # rounding of the Bernstein form
+        np.testing.assert_allclose(signal.derivatives(float(t)), expected, atol=1e-12)
 
 
 def test_linear_ramp_by_hand():
@@ -115,7 +116,8 @@ def test_case_1_ramps_holds_and_returns():
     }.items():
         assert CASE1.derivatives(t)[0] == pytest.approx(value, abs=1e-15)
         smooth = CASE1_SMOOTH.derivatives(t)[0]
-        assert smooth == pytest.approx(value, abs=1e-15)  # the blend is symmetric: it meets the ramp half way
+        # the blend is symmetric: it meets the ramp half way
+        assert smooth == pytest.approx(value, abs=1e-15)
     assert CASE1.derivatives(6.0)[1] == pytest.approx(0.3)
     assert CASE1.derivatives(12.0)[1] == pytest.approx(-0.3)
     assert CASE1.switch_times() == (6.0, 7.0, 12.0, 13.0, 14.0, 19.0, 20.0)

@@ -101,7 +101,8 @@ def test_a_load_is_told_by_the_value_of_its_signal():
 def test_a_circle_without_start_turns_for_ever():
     always = circle(radius=2.0, frequency_hz=-0.25, center=(1.0, 1.0, 1.0))
     assert always.switch_times() == ()
-    assert list(always.at(1.0).position) == pytest.approx([1.0, -1.0, 1.0])  # a quarter turn clockwise
+    # a quarter turn clockwise
+    assert list(always.at(1.0).position) == pytest.approx([1.0, -1.0, 1.0])
 
 
 def test_trajectories_add_and_shift():
@@ -174,7 +175,8 @@ def test_ticks_of_an_array_hold_what_each_tick_holds():
     publisher = Publisher(control_rate=1000, reference_rate=250)
     ticks = np.arange(30_000)
     wanted = [publisher.held_time(k) for k in range(30_000)]
-    assert publisher.held_time(ticks).tolist() == wanted  # bit for bit: one division each
+    # bit for bit: one division each
+    assert publisher.held_time(ticks).tolist() == wanted
 
 
 def test_a_sample_names_every_field_of_the_control_laws():

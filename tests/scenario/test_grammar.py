@@ -37,7 +37,8 @@ def untold(table: object, path: str = "") -> set[str]:
         rows = [each for pattern, each in PATTERNS for end in ("", "[]") if pattern.fullmatch(f"{at}{end}")]
         if not rows and not any(pattern.pattern.startswith(re.escape(f"{at}.")) for pattern, _ in PATTERNS):
             missing.add(at)
-        elif at == "agents":  # each has keys of the top, and those of faults without their table
+        elif at == "agents":
+            # each has keys of the top, and those of faults without their table
             for own in entry.values():
                 faults = {"environment": {"faults": own["faults"]}} if "faults" in own else {}
                 missing |= untold({key: each for key, each in own.items() if key != "faults"} | faults)

@@ -56,7 +56,8 @@ OPENED = {
 @cache
 def scenario(name: str) -> Scenario:
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", WithoutEffectWarning)  # of the rich one, as the next
+        # of the rich one, as the next
+        warnings.simplefilter("ignore", WithoutEffectWarning)
         warnings.simplefilter("ignore", TwoLoadsWarning)
         return skyarm.load_scenario(ROOT / name if name.endswith(".toml") else name)
 
@@ -76,7 +77,8 @@ class Reader:
         if name == "agents":
             return Members((SOLE,), (self.agent,))
         if name not in (*(field_names(kind) or ()), "agent"):
-            return inspect.getattr_static(kind, name).__get__(self, kind)  # what it reads in turn is noted
+            # what it reads in turn is noted
+            return inspect.getattr_static(kind, name).__get__(self, kind)
         if place in OPENED:
             return Reader(getattr(self._held, name), place, self._seen)
         self._seen |= RECORDS.get(place, {place})

@@ -64,7 +64,8 @@ def test_what_has_no_word_is_written_as_a_number_by_its_path(case3, tmp_path):
     written = found["numbers"]
     assert written["plant.vehicle.base.mass"] == 0.8
     assert written["controller.gains.position.x"] == 4.5
-    assert sorted(written.values()) == [0.4, 0.4, 0.8, 4.5]  # a circle's radius is the amplitude of two sines
+    # a circle's radius is the amplitude of two sines
+    assert sorted(written.values()) == [0.4, 0.4, 0.8, 4.5]
 
 
 def test_a_varied_payload_is_written_as_the_numbers_of_its_link(case3, tmp_path):
@@ -590,7 +591,8 @@ def test_vehicles_of_two_files_are_written_from_the_tables_of_both(case3, tmp_pa
     found = written_team(both, tmp_path, {"name": "both", "duration": 2.0, "agents": own})
     assert found["agents"]["b"]["faults"] == [{"kind": "loss", "rotor": "front", "effectiveness": 0.9}]
     case3_plant = stated["case3"]["plant"]
-    top = stated["case3"] | {"name": "both", "duration": 2.0}  # of one vehicle, which both are then made from
+    # of one vehicle, which both are then made from
+    top = stated["case3"] | {"name": "both", "duration": 2.0}
     del top["windows"]
     top["plant"] = case3_plant | {"kind": "rigid_body"}
     pair = dataclasses.replace(both, agents={"a": case3.agent, "b": servo})

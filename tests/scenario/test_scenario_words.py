@@ -39,7 +39,8 @@ def test_the_class_has_its_words_too() -> None:
 
 
 def test_a_word_of_a_group_cannot_be_set() -> None:
-    with pytest.raises((AttributeError, TypeError)):  # TypeError of a frozen class with slots on Python 3.11
+    # TypeError of a frozen class with slots on Python 3.11
+    with pytest.raises((AttributeError, TypeError)):
         GIVEN.wind = WIND
     assert GIVEN.wind is GIVEN.environment.wind != WIND
 

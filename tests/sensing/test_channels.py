@@ -52,7 +52,8 @@ def test_a_bias_begins_with_its_own_deviation_and_walks_by_its_density():
 
 def test_scale_bias_and_rounding_come_in_that_order():
     channel = Channel(scale=0.1, bias=(0.03, -0.02), resolution=0.25)
-    assert channel.read((1.0, 2.05), (), (), DT) == (1.25, 2.25)  # 1.13 and 2.235 to the nearest quarter
+    # 1.13 and 2.235 to the nearest quarter
+    assert channel.read((1.0, 2.05), (), (), DT) == (1.25, 2.25)
     with pytest.raises(RecordError, match=r"gyro.bias = 2 numbers: must be 3, or none"):
         channel.require_count(3, "gyro")
 

@@ -224,7 +224,8 @@ def test_where_nothing_can_push_the_sensors_feel_nothing():
 
 
 def test_the_sensor_on_the_page_is_one():
-    page = Path(__file__).resolve().parents[2] / "docs" / "sensors.md"  # its toml without a title
+    # its toml without a title
+    page = Path(__file__).resolve().parents[2] / "docs" / "sensors.md"
     (text,) = re.findall(r"```toml\n(.*?)```", page.read_text("utf-8"), re.DOTALL)
     found = scenario_from(DOCUMENT | tomllib.loads(text)).sensors[0].sensor
     assert found == ForceTorque(force=Channel(sigma=0.05, turn_on=0.1), bandwidth=600.0)

@@ -213,7 +213,8 @@ def test_a_base_that_spins_ever_faster_in_place_feels_gravity_alone_at_its_origi
         memory, told = estimator.step(memory, readings, still, period)
     np.testing.assert_allclose([*told.position, *told.velocity], [1.0, 2.0, 3.0, 0.0, 0.0, 0.0], atol=1e-3)
     np.testing.assert_allclose([*told.specific_force], [0.0, 0.0, model.gravity], atol=1e-2)
-    turned = Rotation.from_rotvec([0.0, 0.0, 0.5 * alpha * memory.time**2])  # which lags behind the present
+    # which lags behind the present
+    turned = Rotation.from_rotvec([0.0, 0.0, 0.5 * alpha * memory.time**2])
     np.testing.assert_allclose(
         [*memory.belief.position], np.add(turned.apply([0.2, 0.0, 0.0]), (1.0, 2.0, 3.0)), atol=1e-3
     )

@@ -170,7 +170,8 @@ def test_noise_of_an_agent_follows_from_its_name() -> None:
     noisy = dataclasses.replace(one.agent, noise=noise)
     pair = skyarm.run(dataclasses.replace(one, agents={"main": noisy, "other": noisy}))
     main = skyarm.run(dataclasses.replace(one, agents={"main": noisy}))
-    assert_same(pair.agents["main"], main)  # an agent beside it changes no other's draws
+    # an agent beside it changes no other's draws
+    assert_same(pair.agents["main"], main)
     measured = {name: each.measured_position - each.position for name, each in pair.agents.items()}
     assert 0.005 < measured["other"].std() < 0.02
     assert abs(np.corrcoef(measured["main"].ravel(), measured["other"].ravel())[0, 1]) < 0.25

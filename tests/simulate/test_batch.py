@@ -97,7 +97,8 @@ def test_lanes_that_diverge_say_when_and_leave_their_neighbours_their_bits(exact
     spoiled = {path: column.copy() for path, column in values.items()}
     spoiled[MASS][6] = 1e5  # falls at once
     spoiled[GAIN][11] = 4e5  # far beyond what the rotors can follow
-    spoiled[MASS][17] *= 3.0  # starts at its trim and falls when the model's commands arrive
+    # starts at its trim and falls when the model's commands arrive
+    spoiled[MASS][17] *= 3.0
     outcome = exact.fly(spoiled, seed=5)
     sick = [6, 11, 17]
     well = [k for k in range(20) if k not in sick]
@@ -108,7 +109,8 @@ def test_lanes_that_diverge_say_when_and_leave_their_neighbours_their_bits(exact
     assert 0.0 < outcome.end_time[11] < 1.0
     assert 0.0 < outcome.end_time[17] < 1.0
     assert all(outcome.status[k] != "completed" for k in sick)
-    assert np.isnan(outcome.metrics["position_error_mean"][6])  # never reached the window
+    # never reached the window
+    assert np.isnan(outcome.metrics["position_error_mean"][6])
     assert outcome.metrics["position_error_max"][17] > 0.1  # counted while it fell
 
 

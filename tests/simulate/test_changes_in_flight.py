@@ -364,7 +364,8 @@ def test_a_batch_is_a_loop_of_runs(batch: Batch) -> None:
         ):
             assert np.array(ours)[k, : theirs.size].tobytes() == np.ascontiguousarray(theirs).tobytes()
         if log.status == "completed":
-            error = np.linalg.norm(log.position - log.position_held, axis=1)[20:]  # after the first third
+            # after the first third
+            error = np.linalg.norm(log.position - log.position_held, axis=1)[20:]
             assert outcome.metrics["position_error_mean"][k] == pytest.approx(error.mean(), rel=1e-12)
     assert list(outcome.status[:2]) == ["completed"] * 2
     assert outcome.status[2] != "completed"

@@ -132,7 +132,8 @@ def test_every_kind_of_part_is_named(part: str) -> None:
 
 def test_nothing_is_named_where_a_command_from_outside_was_not_finite() -> None:
     session = Session(FLIGHTS["a law"][0], machine_code=False)
-    for speed in (485.0, 485.0, 485.0, math.nan):  # the law, which is not evaluated, would give NaN then, too
+    # the law, which is not evaluated, would give NaN then, too
+    for speed in (485.0, 485.0, 485.0, math.nan):
         session.step(Command(rotor_speeds=(speed,) * 4, efforts=(0.0, 0.0)))
     assert session.ended is not None
     assert session.ended.cause == "commanded speed of rotor 'front' is not finite"

@@ -87,7 +87,8 @@ def test_the_vehicles_of_eagle_mpc_return_to_hover(vehicle: str, plant: str, law
 def test_the_general_law_flies_every_shipped_vehicle_on_a_circle(vehicle: str) -> None:
     log = run(scenario_from(_hover(vehicle, "rigid_body", "centroidal"), replaced={"duration": 6.0}))
     assert log.status == "completed", log.info["cause"]
-    last = log.time > 5.0  # at the law's default bandwidth the step onto the circle dies out in four to five seconds
+    # at the law's default bandwidth the step onto the circle dies out in four to five seconds
+    last = log.time > 5.0
     assert np.linalg.norm(log.position - log.position_reference, axis=1)[last].max() < 0.005
     assert np.abs(log.joints - log.joints_reference)[last].max(initial=0.0) < 0.001
 

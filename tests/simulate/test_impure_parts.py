@@ -111,7 +111,8 @@ ELSEWHERE = {
     "environment": "float(os.environ.get('GAIN_OF_MINE', '1.0'))",
     "needs_environment": "float(os.environ['GAIN_OF_MINE'])",
     "file": "float(np.loadtxt('gain.txt'))",
-    "set": "float(sum(9**k * ord(name[0]) for k, name in enumerate(NAMES)))",  # of the whole order
+    # of the whole order
+    "set": "float(sum(9**k * ord(name[0]) for k, name in enumerate(NAMES)))",
 }
 
 
@@ -287,7 +288,8 @@ def test_what_differs_in_another_process_is_found(tmp_path, monkeypatch, tried_e
     monkeypatch.setenv("GAIN_OF_MINE", "2.0")
     Path("gain.txt").write_text("3.0")
     scenario = by_plugin(tmp_path, kind, ELSEWHERE[cause])
-    for _ in range(1 if kind == "force" else 2):  # what was refused once is not let through
+    # what was refused once is not let through
+    for _ in range(1 if kind == "force" else 2):
         line = line_of(require_shapes, scenario)
         assert "in a process with an empty environment, another folder and another hash seed" in line
         assert ("fails in " in line) == (cause in ("needs_environment", "file"))

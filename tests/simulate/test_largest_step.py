@@ -83,7 +83,8 @@ def plant_of(scenario: Any, kind: Any = RigidBodyPlant) -> Any:
     return kind(scenario.plant, around, scenario.integrator, 1.0 / scenario.rates.physics), around
 
 
-STIFF = StiffServo()  # 20 N m/rad at 8e-5 kg m^2 are 500 rad/s; 0.06 N m s/rad are 750 /s: 1.33 ms
+# 20 N m/rad at 8e-5 kg m^2 are 500 rad/s; 0.06 N m s/rad are 750 /s: 1.33 ms
+STIFF = StiffServo()
 DAMPED = StiffServo(damping=0.2)  # 2500 /s: 0.4 ms, shorter than Euler's 1 ms too
 
 

@@ -107,7 +107,8 @@ def test_files_and_facts_are_those_of_a_flight_in_memory(
 def test_pieces_of_any_length_give_the_same_text(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     log, texts = skyarm.run(FLIGHTS["noise"]()), []
     holes = replace(log, wind_force=np.where(np.arange(log.time.size)[:, None] == 77, np.nan, log.wind_force))
-    for each in (log, holes):  # numbers that JSON lacks are written by Python, in all rows
+    # numbers that JSON lacks are written by Python, in all rows
+    for each in (log, holes):
         for piece in (1, 50, log.time.size, 5000):
             monkeypatch.setattr(formats, "PIECE", piece)
             texts.append(skyarm.save_log(each, tmp_path / "log.csv").read_bytes())

@@ -179,7 +179,8 @@ def test_a_force_accelerates_and_a_torque_turns_as_by_newton_and_euler():
 def test_the_thrust_factor_scales_forces_and_torques_of_the_rotors():
     flights = at_hover(2)
     flights.inputs["thrust"][:] = [1.0, 1.1]
-    faster = np.array([1.02, 1.0, 1.02, 1.0]) * hover_speed()  # of one direction of rotation: yaw
+    # of one direction of rotation: yaw
+    faster = np.array([1.02, 1.0, 1.02, 1.0]) * hover_speed()
     for rows in (flights.state["rotor_speeds"], flights.inputs["speeds_before"], flights.inputs["speeds_after"]):
         rows[:] = faster[:, None]
     flights.step()

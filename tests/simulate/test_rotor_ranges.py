@@ -132,7 +132,8 @@ def test_a_reversible_rotor_turns_backwards_and_pulls() -> None:
     thrust = 4.0 * float(vehicle.rotors[0].thrust_coefficient) * speed**2
     fell = float(log.velocity[-1, 2] - log.velocity[-3, 2]) / float(log.time[-1] - log.time[-3])
     assert log.rotor_speeds[-1] == pytest.approx(-speed)
-    assert fell == pytest.approx(-FALL - thrust / float(vehicle.mass), rel=2e-2)  # the arm swings a little
+    # the arm swings a little
+    assert fell == pytest.approx(-FALL - thrust / float(vehicle.mass), rel=2e-2)
     assert np.abs(log.rate[-1]).max() < 1e-9, "drag torques cancel"
     with pytest.raises(skyarm.ScenarioError, match=re.escape("must be from -838 to 838 rad/s")):
         skyarm.Session(back).step(rotors=(-839.0,) * 4)

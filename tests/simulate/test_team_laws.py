@@ -235,7 +235,8 @@ def test_fixed_grasps_are_borne_as_ball_grasps_are(row, team):
     assert placed(log)
     assert found["place"] < (28.0 if row == "masses" else 15.0)
     assert found["direction"] < 3.0
-    assert found["pull"] < (0.6 if row == "2 cm off" else 0.4)  # while the grasp creeps by 2 cm on the floor
+    # while the grasp creeps by 2 cm on the floor
+    assert found["pull"] < (0.6 if row == "2 cm off" else 0.4)
     assert found["rms"] < (0.12 if row == "2 cm off" else 0.1)
 
 
@@ -317,7 +318,8 @@ def test_two_of_three_carry_on_when_one_is_lost():
 
 @pytest.mark.thorough
 def test_two_that_cannot_carry_on_set_the_body_down(monkeypatch):
-    monkeypatch.setattr("skyarm.dynamics.actuators.load_limits.SPENT", 0.6)  # 11 N each, for the 15 N that it takes
+    # 11 N each, for the 15 N that it takes
+    monkeypatch.setattr("skyarm.dynamics.actuators.load_limits.SPENT", 0.6)
     log = flown(three_on_a_bar(3.0, "middle", 8.0))
     assert log.info["status"] == "completed"
     stands = log.time > 14.0

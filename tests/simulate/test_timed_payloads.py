@@ -166,7 +166,8 @@ def test_a_batch_with_all_numbers_by_path_is_a_loop_of_single_flights(scenario, 
     batch = skyarm.Batch(scenario, tuple(PATHS), bit_exact=True, effort=0)
     own = [number_at(scenario, path) for path in PATHS]
     found = batch.fly({path: np.array([a, b]) for (path, b), a in zip(PATHS.items(), own, strict=True)})
-    other = skyarm.run(dataclasses.replace(with_numbers(scenario, PATHS), episode=1))  # the noise of the second lane
+    # the noise of the second lane
+    other = skyarm.run(dataclasses.replace(with_numbers(scenario, PATHS), episode=1))
     assert np.abs(other.position - log.position).max() > 1e-3
     for i, each in enumerate((log, other)):
         for name, value in skyarm.score(each).items():

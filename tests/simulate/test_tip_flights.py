@@ -97,7 +97,8 @@ def test_a_phase_waits_until_the_error_is_small_and_no_longer_than_its_timeout()
     log = skyarm.run(scenario)
     error = np.linalg.norm(log.tip - log.tip_reference, axis=1)
     settled = next(k for k in range(160, 600) if (error[k - 40 : k + 1] <= 2e-3).all() and k - 40 >= 160)
-    leaves = settled / 200 + 0.2 + 0.3  # the second phase, and its guard that is never met
+    # the second phase, and its guard that is never met
+    leaves = settled / 200 + 0.2 + 0.3
     assert 0.25 < settled / 200 - 0.8 < 1.5
     still = (log.time >= 0.8) & (log.time <= leaves + 1e-9)
     np.testing.assert_allclose(log.tip_reference[still], [[0.2, 0.0, 0.7]] * still.sum(), atol=1e-12)

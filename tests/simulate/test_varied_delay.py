@@ -42,7 +42,8 @@ def test_each_lane_is_the_single_flight_with_its_delay(flown, delay):
     end = log.position[-1] + log.velocity[-1] * 0.005
     assert log.status == "completed"
     assert flown.status[lane] == "completed"
-    assert np.allclose(position, end, atol=2e-4)  # the log's last row is one period earlier
+    # the log's last row is one period earlier
+    assert np.allclose(position, end, atol=2e-4)
     before = Batch(dataclasses.replace(moving(command=delay)), ()).fly({})
     after = np.array([component[0] for component in before.state.position])
     assert np.allclose(position, after, rtol=0.0, atol=1e-9)

@@ -225,7 +225,8 @@ def _codes(code: Callable[..., EpisodeCode]) -> Callable[..., EpisodeCode]:
             return code(scenario, vary, numbers, **options)
         text = whole_text((dataclasses.replace(scenario, changes=()), numbers, options))
         if text not in made:
-            made[text] = code(scenario, vary, numbers, **options), scenario  # kept: no other takes its address
+            # kept: no other takes its address
+            made[text] = code(scenario, vary, numbers, **options), scenario
         return made[text][0]
 
     return kept

@@ -94,7 +94,8 @@ class ShareScheduling:
         if self.pending is None:
             times = Counter(each for ids in self.collected.values() for each in ids)
             self.pending = [each for each, n in times.items() if n > 1]
-            self.config.pluginmanager.get_plugin("session").testscollected = len(times)  # not those of one worker
+            # not those of one worker
+            self.config.pluginmanager.get_plugin("session").testscollected = len(times)
             for node, ids in self.collected.items():
                 self._give(node, [each for each in ids if times[each] == 1])
         self._go_on()

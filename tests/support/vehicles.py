@@ -163,7 +163,8 @@ class PinocchioTwin:
         model = pin.Model()
         ids = {BASE: model.addJoint(0, pin.JointModelFreeFlyer(), pin.SE3.Identity(), "base")}
         self._add_body(model, ids[BASE], vehicle.base)
-        order = _depth_first(vehicle)  # Pinocchio's CRBA takes a subtree to be a range of indices
+        # Pinocchio's CRBA takes a subtree to be a range of indices
+        order = _depth_first(vehicle)
         for i in order:
             link = vehicle.links[i]
             joint, axis = link.joint, array3(link.joint.axis)

@@ -203,7 +203,8 @@ def test_a_strict_reading_of_the_sdf_file_finds_the_vehicle(name, tmp_path):
         pose = place(plugin.findtext("linkName"))
         hinge = joints[plugin.findtext("jointName")]
         assert hinge.findtext("child") == plugin.findtext("linkName") == each.name
-        assert float(hinge.findtext("axis/limit/effort")) == math.inf  # Gazebo's plugin turns it by its speed
+        # Gazebo's plugin turns it by its speed
+        assert float(hinge.findtext("axis/limit/effort")) == math.inf
         same(pose[:3, 3], np.array(list(each.position), float))
         same(pose[:3, 2], np.array(list(each.axis), float))
         assert plugin.findtext("turningDirection") == ("ccw" if each.direction > 0 else "cw")

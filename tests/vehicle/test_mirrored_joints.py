@@ -89,6 +89,7 @@ def test_joints_without_a_partner_keep_their_own_numbers() -> None:
 
 
 def test_joints_of_two_shipped_arms_share_the_larger_number() -> None:
-    vehicle = skyarm.load_vehicle("octo_coaxial_two_arms")  # a torso, the right arm, the left arm
+    # a torso, the right arm, the left arm
+    vehicle = skyarm.load_vehicle("octo_coaxial_two_arms")
     own = np.array([9.0, 1.0, 4.0, 3.0, 2.0])
     assert of_mirrored(own, joint_mobility(vehicle)).tolist() == [9.0, 3.0, 4.0, 3.0, 4.0]

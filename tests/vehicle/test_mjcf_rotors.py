@@ -58,7 +58,8 @@ def test_rotors_push_as_mujocos_actuators_at_their_largest_control(tmp_path):
     plant = mujoco.MjModel.from_xml_string(text)
     for index, (rotor, control, activation) in enumerate(zip(vehicle.rotors, (4.0, 0.0), (0.0, 4.0), strict=True)):
         data = mujoco.MjData(plant)
-        data.ctrl[index], data.act[:] = control, activation  # 12 N of the second: its force range
+        # 12 N of the second: its force range
+        data.ctrl[index], data.act[:] = control, activation
         mujoco.mj_forward(plant, data)
         thrust = rotor.thrust_coefficient * rotor.max_speed**2
         force = np.array(rotor.axis) * thrust
@@ -87,7 +88,8 @@ def test_a_largest_thrust_that_the_users_numbers_contradict_is_told(tmp_path):
     own = 'schema = 1\nname = "v"\n[base]\nmass = 1.0\ninertia = [0.01, 0.01, 0.02]\n[rotor_defaults]\n'
     own += f'moment_coefficient = 0.01\n{both}{lags}[[rotors]]\nname = "a"\nposition = [0.0, 0.0, 0.1]\n'
     own += 'direction = "cw"\nmax_thrust = '
-    (tmp_path / "own.toml").write_text(own + "2.51\n", encoding="utf-8")  # as a data sheet rounds
+    # as a data sheet rounds
+    (tmp_path / "own.toml").write_text(own + "2.51\n", encoding="utf-8")
     assert load_vehicle(tmp_path / "own.toml").rotors[0].max_speed == 500
     (tmp_path / "own.toml").write_text(own + "3.0\n", encoding="utf-8")
     with pytest.raises(VehicleError, match=r"rotors\[a\]\.max_thrust = 3\.0: must be left out beside .* give 2\.5 N"):

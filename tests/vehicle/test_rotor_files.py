@@ -135,8 +135,10 @@ def test_a_platform_alone_says_what_it_lacks(tmp_path):
 
 def test_parameters_of_an_airframe(tmp_path):
     rotors = flying(tmp_path, "4000_frame", AIRFRAME, "arm_length = 0.25\n").rotors
-    assert [each.direction for each in rotors] == [1, -1, 1]  # the first by PX4's default, 0.05
-    places = [(0.15, -0.2, 0.0), (-0.25, 0.0, 0.0), (0.05, 0.0, 0.1)]  # forward, left, up
+    # the first by PX4's default, 0.05
+    assert [each.direction for each in rotors] == [1, -1, 1]
+    # forward, left, up
+    places = [(0.15, -0.2, 0.0), (-0.25, 0.0, 0.0), (0.05, 0.0, 0.1)]
     assert [list(each.position) for each in rotors] == [pytest.approx(each, abs=1e-15) for each in places]
     assert [list(each.axis) for each in rotors] == [[0, 0, 1], [0, 0, 1], pytest.approx([0.6, 0.0, 0.8])]
 

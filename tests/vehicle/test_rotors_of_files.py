@@ -99,7 +99,8 @@ def test_motor_models_give_the_rotors(tmp_path):
     vehicle = load_vehicle(saved(tmp_path, quad()))
     assert [each.name for each in vehicle.rotors] == list(PLACES)
     for k, each in enumerate(vehicle.rotors):
-        pushed = np.add(PLACES[each.name], (0.001, 0.0, 0.002))  # Gazebo pushes at the centre of mass of the link
+        # Gazebo pushes at the centre of mass of the link
+        pushed = np.add(PLACES[each.name], (0.001, 0.0, 0.002))
         assert list(each.position) == pytest.approx(pushed, abs=1e-15)
         assert (each.direction, each.thrust_coefficient, each.moment_coefficient) == ((1, -1)[k % 2], 1.3e-05, 0.017)
         assert (each.time_constant_up, each.time_constant_down, each.max_speed) == (0.014, 0.031, 810)
@@ -229,7 +230,8 @@ def test_the_tables_overrule_the_file(tmp_path):
         tmp_path, quad(), '[[rotors]]\nname = "bl"\nmoment_coefficient = 0.02\nposition = [0.0, 0.01, 0.0]\n'
     )
     assert [each.moment_coefficient for each in vehicle.rotors] == [0.017, 0.02, 0.017, 0.017]
-    assert list(vehicle.rotors[1].position) == [0.0, 0.01, 0.0]  # of the base, as no link is named
+    # of the base, as no link is named
+    assert list(vehicle.rotors[1].position) == [0.0, 0.01, 0.0]
 
 
 def test_rotors_of_other_names_stand_in_place_of_the_files(tmp_path):

@@ -136,7 +136,8 @@ AXES = "<axis><xyz>1 0 0</xyz>{}</axis>"
 @pytest.mark.parametrize(
     ("version", "inner", "right"),
     [
-        ("1.4", "", [0, -1, 0]),  # of the model, whose x axis is -y of a link with yaw pi/2
+        # of the model, whose x axis is -y of a link with yaw pi/2
+        ("1.4", "", [0, -1, 0]),
         ("1.5", "", [1, 0, 0]),
         ("1.6", "<use_parent_model_frame>1</use_parent_model_frame>", [0, -1, 0]),
         ("1.7", "<use_parent_model_frame>1</use_parent_model_frame>", [1, 0, 0]),
@@ -165,7 +166,8 @@ def test_whole_rotors_of_a_merged_model_in_a_folder_beside(tmp_path):
     written(tmp_path, model(QUAD, name="quad_base"), "quad_base/quad_base.sdf")
     text = model('<include merge="true"><uri>model://quad_base</uri><pose>0 0 5 0 0 1</pose></include>' + MOTORS)
     vehicle = load_vehicle(written(tmp_path, text, "quad/model.sdf"))
-    assert [rotor.name for rotor in vehicle.rotors] == ["r3", "r2", "r1", "r0"]  # by motorNumber
+    # by motorNumber
+    assert [rotor.name for rotor in vehicle.rotors] == ["r3", "r2", "r1", "r0"]
     places = [[float(c) for c in rotor.position] for rotor in vehicle.rotors]
     np.testing.assert_allclose(
         places, [[-0.2, -0.2, 0.06], [0.2, 0.2, 0.06], [-0.2, 0.2, 0.06], [0.2, -0.2, 0.06]], atol=1e-15
@@ -177,7 +179,8 @@ def test_whole_rotors_of_a_merged_model_in_a_folder_beside(tmp_path):
     assert (rotor.max_speed, rotor.drag_coefficient, rotor.rolling_moment_coefficient) == (870, 8e-05, 2e-06)
     assert (vehicle.joint_names, vehicle.gaps) == ((), ())
     assert float(vehicle.base.mass) == pytest.approx(1.14, rel=1e-15)
-    assert float(rotor.inertia) == pytest.approx(0.025 / 10, rel=1e-15)  # their joints turn ten times slower
+    # their joints turn ten times slower
+    assert float(rotor.inertia) == pytest.approx(0.025 / 10, rel=1e-15)
 
 
 def test_nested_models_carry_names_and_stand_at_their_placement_frames(tmp_path):
@@ -188,7 +191,8 @@ def test_nested_models_carry_names_and_stand_at_their_placement_frames(tmp_path)
     body += joint("j", "base", "a", kind="fixed") + joint("k", "a", "left::palm", kind="fixed")
     body += joint("w", "world", "base", kind="fixed")
     bodies = read_sdf(written(tmp_path, model(body), "it/model.sdf"))
-    assert at(bodies, "left::palm") == [1, 0.5, 0]  # the palm, not the hand's own frame, is at the stated pose
+    # the palm, not the hand's own frame, is at the stated pose
+    assert at(bodies, "left::palm") == [1, 0.5, 0]
     np.testing.assert_allclose(at(bodies, "left::grip"), [1.2, 0.5, 0], atol=1e-15)
     assert bodies.notes == ("joint w: holds the vehicle to the world; not read: the base floats",)
 
@@ -253,7 +257,8 @@ def test_an_attached_root_keeps_its_pose_in_its_model_as_mujoco_has_it(tmp_path)
     tip = '<frame name="tip" attached_to="a"><pose>0.3 0.1 0 0 0 0</pose></frame>'
     seat = '<frame name="seat"><pose>0.02 0 0 0.2 0 0</pose></frame>'
     inner = link("root", root) + link("a", '<pose relative_to="root">0 0 -0.2 0 0 0</pose>') + joint("j", "root", "a")
-    written(tmp_path, model(f"<pose>5 6 7 1 0 0</pose>{seat}{inner}{tip}"), "arm.sdf")  # where the model stands is left
+    # where the model stands is left
+    written(tmp_path, model(f"<pose>5 6 7 1 0 0</pose>{seat}{inner}{tip}"), "arm.sdf")
     vehicle = on_airframe(tmp_path, "arm.sdf")
     turns = 'quat="0.99500416527802582 0.09983341664682815 0 0"'  # cos and sin of 0.1
     body = f'<body name="seat" pos="0.02 0 0" {turns}><body name="root" pos="0 0 -0.1" quat="0.5 0 0 0.5">'

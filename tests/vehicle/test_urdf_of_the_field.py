@@ -118,7 +118,8 @@ def test_properties_give_rotors_whose_sense_the_user_states(tmp_path: Path) -> N
     assert (first.direction, second.direction) == (-1, 1)
     np.testing.assert_allclose([*map(float, first.position)], (0.04, -0.05, 0.03))
     # kf and km are torque and thrust per squared rev/min: W rad/s are 60 W / (2 pi) of them
-    thrust, speed = 2.5 * 0.8 * 9.8 / 2, float(first.max_speed)  # BaseAviary's M, of the first link alone, and G
+    # BaseAviary's M, of the first link alone, and G
+    thrust, speed = 2.5 * 0.8 * 9.8 / 2, float(first.max_speed)
     assert 5e-10 * (speed * 60 / (2 * math.pi)) ** 2 == pytest.approx(thrust, rel=1e-12)
     assert float(first.thrust_coefficient) * speed**2 == pytest.approx(thrust, rel=1e-12)
     assert float(first.moment_coefficient) == pytest.approx(0.024, rel=1e-12)

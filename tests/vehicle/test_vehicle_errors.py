@@ -234,8 +234,10 @@ def test_a_folder_is_no_vehicle(tmp_path):
     ("change", "name"),
     [
         ({"mass": 0.0, "inertia": [0.0, 0.0, 0.0]}, "shoulder"),  # nothing at all
-        ({"com": [0.0, -0.1, 0.0], "inertia": [0.0, 0.0, 0.0]}, "shoulder"),  # a point on the axis
-        ({"com": [0.0, 0.0, 0.0], "inertia": [1e-4, 0.0, 1e-4]}, "shoulder"),  # a rod along the axis
+        # a point on the axis
+        ({"com": [0.0, -0.1, 0.0], "inertia": [0.0, 0.0, 0.0]}, "shoulder"),
+        # a rod along the axis
+        ({"com": [0.0, 0.0, 0.0], "inertia": [1e-4, 0.0, 1e-4]}, "shoulder"),
     ],
 )
 def test_a_joint_that_moves_no_mass_is_refused_by_name(tmp_path, change, name):

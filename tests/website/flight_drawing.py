@@ -14,7 +14,8 @@ DRAWING = Path(__file__).resolve().parents[2] / "docs" / "images" / "one_period.
 STYLE = "<style>svg{color:#222}@media (prefers-color-scheme:dark){svg{color:#ddd}}</style>"
 TITLE = "One control period: surround, sense, decide, send, drive, advance, and back to surround"
 WIDTH, EDGE = 372, 8
-LEFT, STAGE, HIGH, DOWN = 28, 190, 50, 80  # of the column of stages: begin, width, height of a box, row to row, px
+# of the column of stages: begin, width, height of a box, row to row, px
+LEFT, STAGE, HIGH, DOWN = 28, 190, 50, 80
 ASIDE, INPUT = 252, 112  # of the column of inputs: begin and width
 LOW, FLAT = 34, 40  # height of an input's box, from one to the next of a stage
 

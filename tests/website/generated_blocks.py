@@ -19,7 +19,8 @@ from typing import Any
 
 import typer
 
-sys.path.append(str(Path(__file__).resolve().parents[1]))  # the tests' own modules, when this is run as a program
+# the tests' own modules, when this is run as a program
+sys.path.append(str(Path(__file__).resolve().parents[1]))
 
 import skyarm
 from skyarm.algebra import Quaternion, Vec3
@@ -221,7 +222,8 @@ def field_row(kind: type, name: str, word: str = "") -> Sequence[str]:
     """Row of a field of a record."""
     annotation, unit = declared_fields(kind)[name]
     text = word_texts.of_field(tuple(each.__name__ for each in kind.__mro__), name)
-    entry = "text" if annotation is skyarm.Vehicle else entry_in_words(annotation)  # a file names a vehicle
+    # a file names a vehicle
+    entry = "text" if annotation is skyarm.Vehicle else entry_in_words(annotation)
     default = text.default or default_in_words(defaults(kind)[name])
     return (
         f"`{word or words_of_fields(kind).get(name, name)}`",

@@ -13,7 +13,8 @@ from collections.abc import Iterator
 from itertools import islice
 from pathlib import Path
 
-sys.path.append(str(Path(__file__).resolve().parents[1]))  # the tests' own modules, when this is run as a program
+# the tests' own modules, when this is run as a program
+sys.path.append(str(Path(__file__).resolve().parents[1]))
 
 from skyarm.control.catalogue import tuned_factors
 from skyarm.studies.compare.cell_flights import JITTER, LIMITED, CellFlights

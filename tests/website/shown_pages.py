@@ -42,10 +42,12 @@ def own_blocks(name: str) -> list[Block]:
     found = blocks(PAGES[name])
     if name == "extending.md":  # its package: tests/test_docs_extending.py
         return [block for block in found if block.title != "pyproject.toml"]
-    if name == "environments.md":  # JAX, which reads its flags once a process: tests/envs
+    # JAX, which reads its flags once a process: tests/envs
+    if name == "environments.md":
         jax = next(i for i, block in enumerate(found) if "import jax" in block.text)
         return [*found[:jax], *found[jax + 2 :]]
-    if name == "export_c.md":  # its C is compiled by tests/control/onboard/test_export_c.py
+    # its C is compiled by tests/control/onboard/test_export_c.py
+    if name == "export_c.md":
         return [block for block in found if block.language != "c"]
     if name == "clusters.md":  # its scripts run on Ray: tests/test_docs_clusters.py
         return [block for block in found if block.language == "bash" and not block.title]

@@ -65,7 +65,8 @@ def reference_pages() -> dict[str, str]:
         listed.append(f"* [{title}]({room}.md): {names}")
         parts = [f"# {title}", shown_example(room)]
         for path in rooms[room]:
-            of_room = path.count(".") == 2  # named with its room, and shown in the room's example
+            # named with its room, and shown in the room's example
+            of_room = path.count(".") == 2
             parts += [f"::: {path}", "" if of_room else shown_example(path.rpartition(".")[2])]
         pages[f"api/{room}.md"] = "\n\n".join(part for part in parts if part) + "\n"
     pages["api/index.md"] = "\n".join(listed) + "\n"

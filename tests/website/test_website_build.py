@@ -174,7 +174,8 @@ def test_the_api_has_every_public_name() -> None:
     pages = reference_pages()
     rooms = {name for name in skyarm.__all__ if inspect.ismodule(getattr(skyarm, name))}
     assert set(skyarm.__all__) - {"__version__"} - rooms <= shown
-    for room in rooms:  # a room that is public as a whole has a page with all that it has
+    # a room that is public as a whole has a page with all that it has
+    for room in rooms:
         assert set(getattr(skyarm, room).__all__) <= shown
         assert f"api/{room}.md" in pages
     directives = re.findall(r"^::: (\S+)$", "\n".join(pages.values()), re.M)

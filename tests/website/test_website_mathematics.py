@@ -40,7 +40,8 @@ SECTIONS = (
 def function_named(name: str, file: str) -> Any:
     """The function of a file that a full name names, without decorators."""
     place = file.removeprefix("src/").removesuffix(".py").replace("/", ".")
-    found: Any = importlib.import_module(place.removeprefix("tests."))  # where pytest finds its helpers
+    # where pytest finds its helpers
+    found: Any = importlib.import_module(place.removeprefix("tests."))
     for part in name.removeprefix(f"{place}.").split("."):
         found = getattr(found, part)
     return inspect.unwrap(getattr(found, "__func__", found))

@@ -16,7 +16,8 @@ from typing import Any
 
 import numpy as np
 
-sys.path.append(str(Path(__file__).parents[1]))  # the tests' own modules, when this is run as a program
+# the tests' own modules, when this is run as a program
+sys.path.append(str(Path(__file__).parents[1]))
 
 import skyarm
 from support.cables import BODY_NOISY, NOISY, beam, col_trans, figure_eight, rate_of_beam, recorded_paths, roll

@@ -13,7 +13,8 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-sys.path.append(str(Path(__file__).parents[1]))  # the tests' own modules, when this is run as a program
+# the tests' own modules, when this is run as a program
+sys.path.append(str(Path(__file__).parents[1]))
 
 import skyarm
 from skyarm.simulate.session import open_session
@@ -43,7 +44,8 @@ def tips_alone(gain: float, duration: float = 1.0) -> tuple[float, float, float]
     masses, pull, tips, load, speed = [0.1, 0.1], 0.0, [0.0, 0.0], 0.0, 0.0
     forces = [0.0, 0.0]
     for _ in range(round(duration / STEP)):
-        forces = [CONTACT * (z - load) for z in tips]  # of the tips on the load, vertical
+        # of the tips on the load, vertical
+        forces = [CONTACT * (z - load) for z in tips]
         speed += STEP * (sum(forces) / LOAD - G)
         load += STEP * speed
         rates = [gain * (m * G - force) for m, force in zip(masses, forces, strict=True)]

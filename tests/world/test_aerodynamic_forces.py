@@ -77,7 +77,8 @@ def test_climbing_loses_thrust_and_flying_across_gains_some():
     assert climb == pytest.approx([-1e-5 * 500.0 * 2.0] * 4)
     across = lifts(RotorDrag(lift=0.01, inflow=1e-5), 1.0, velocity=(3.0, 0.0, 0.0))
     assert across == pytest.approx([0.01 * 9.0] * 4)
-    spun = lifts(RotorDrag(inflow=1e-5), 1.0, rate=(0.0, 1.0, 0.0))  # the front hub sinks, the rear one rises
+    # the front hub sinks, the rear one rises
+    spun = lifts(RotorDrag(inflow=1e-5), 1.0, rate=(0.0, 1.0, 0.0))
     places = [float(rotor.position.x) for rotor in VEHICLE.rotors]
     assert spun == pytest.approx([1e-5 * 500.0 * x for x in places], abs=1e-12)
 

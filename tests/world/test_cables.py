@@ -82,7 +82,8 @@ def test_each_vehicle_stands_at_the_end_of_a_cable_along_its_force(tables, pull)
     for t in (0.6, 2.2, 3.1, 4.4, 6.3):
         x, a, R, moment = desired(scenario, t)
         arms = places @ R.T
-        if len(arms) == 2:  # a rod turns freely about the line of its grasps: the apparent weight has no lever
+        # a rod turns freely about the line of its grasps: the apparent weight has no lever
+        if len(arms) == 2:
             down = np.add(a, [0.0, 0.0, 9.81])
             down -= R[:, 1] * (R[:, 1] @ down)
             arms = places[:, 1:2] * R[:, 1] + above * down / np.linalg.norm(down)
@@ -108,7 +109,8 @@ def test_two_vehicles_carry_a_rod_on_cables():
     pull, late = log.grasp_pull.reshape(-1, 2, 3), log.time > 0.3
     assert log.grasp_force[late].min() > 0.3  # N, taut throughout
     assert np.abs(log.team_pull).max() < 2e-3
-    for k, (agent, place) in enumerate(RODS.items()):  # each cable pulls towards its vehicle
+    # each cable pulls towards its vehicle
+    for k, (agent, place) in enumerate(RODS.items()):
         w, x, y, z = log.object_quaternion.T
         rows = [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)]
         rows += [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)]
@@ -210,7 +212,8 @@ def said(whole, t, velocity=(0.0, 0.0, 0.0), turning=(0.0, 0.0, 0.0), forces=Non
 def test_a_swing_shifts_all_vehicles_against_it():
     whole = law(swing=0.2, pull_gain=0.0)
     _, rows = said(whole, 1.0, velocity=(0.3, -0.1, 0.4), turning=(1.0, 2.0, 0.5))
-    for row in rows:  # up and down cables are stiff, and a twist is quicker than the vehicles
+    # up and down cables are stiff, and a twist is quicker than the vehicles
+    for row in rows:
         assert np.allclose([*row.offset], [-0.2 * 0.3, -0.2 * -0.1, 0.0], atol=1e-5)
 
 
@@ -246,7 +249,8 @@ def test_a_vehicle_without_a_tip_bears_a_load_at_its_origin():
     turned = Reference(yaw=0.5 * np.pi)
     effect = planned_effect(vehicle, turned, Carry.none(), Vec3(1.0, 2.0, -3.0), Vec3(0.1, 0.2, 0.3))
     assert [*effect.force] == [1.0, 2.0, -3.0]
-    assert np.allclose([*effect.torque], [0.2, -0.1, 0.3])  # base axes, of the moment alone
+    # base axes, of the moment alone
+    assert np.allclose([*effect.torque], [0.2, -0.1, 0.3])
     assert effect.efforts == ()
 
 
@@ -323,7 +327,8 @@ def test_a_vehicle_hangs_its_cable_from_its_tip_where_it_has_one():
     member = dataclasses.replace(whole.members[0], length=0.5)
     whole = dataclasses.replace(whole, members=(member, whole.members[1]))
     ends, bases = ([*whole.path_of(member, each, 9.81, 5.0).at(4.0).position] for each in (plain, able))
-    assert np.allclose(np.subtract(ends, bases), [-0.01, 0.02, -0.03], atol=1e-9)  # turned by 90 degrees
+    # turned by 90 degrees
+    assert np.allclose(np.subtract(ends, bases), [-0.01, 0.02, -0.03], atol=1e-9)
     effect = planned_effect(able, Reference(), Carry.none(), Vec3(0.0, 0.0, -1.0), Vec3(0.0, 0.0, 0.0))
     assert np.allclose([*effect.torque], [-0.01, 0.02, 0.0])
 
@@ -343,5 +348,6 @@ def test_a_member_has_the_length_of_its_cable_and_may_suppose_another():
     assert [float(each.length) for each in scenario.team.members] == [0.54, 0.5]
     heights = [float(each.reference.at(0.0).position.z) for each in scenario.agents.values()]
     with pytest.raises(ValueError, match=r"team\.members\.0\.length': must be equal in all episodes"):
-        skyarm.with_numbers(scenario, {"team.members.0.length": 0.5})  # the paths were planned with it
+        # the paths were planned with it
+        skyarm.with_numbers(scenario, {"team.members.0.length": 0.5})
     assert heights == pytest.approx([0.49 + 0.0097 + 0.54, 0.49 + 0.0097 + 0.5], abs=1e-6)

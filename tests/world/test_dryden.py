@@ -38,7 +38,8 @@ def continuous(index, par=PAR):
     """Published filter of a component, driven by white noise of unit (two-sided) spectral density."""
     sigma = list(par.intensity)[index]
     T = list(par.scale_length)[index] / par.airspeed
-    if index == 0:  # one-sided spectrum sigma^2 2T/pi / (1 + T^2 w^2); two-sided density in Hz form: times pi
+    # one-sided spectrum sigma^2 2T/pi / (1 + T^2 w^2); two-sided density in Hz form: times pi
+    if index == 0:
         return signal.TransferFunction([sigma * math.sqrt(2.0 * T)], [T, 1.0])
     return signal.TransferFunction(
         np.array([math.sqrt(3.0) * T, 1.0]) * sigma * math.sqrt(T), np.polymul([T, 1.0], [T, 1.0])
@@ -105,7 +106,8 @@ def test_spectrum_of_a_drawn_record_is_the_published_one(index):
         record[:, k] = list(velocity)[index]
     f, density = signal.welch(record, fs=1.0 / dt, nperseg=1024, detrend=False)
     mean = density.mean(axis=0)
-    band = (f > 0.1) & (f < 1.0)  # below: the window's leakage; above: aliases of the sampled record
+    # below: the window's leakage; above: aliases of the sampled record
+    band = (f > 0.1) & (f < 1.0)
     expected = published_spectrum(index, 2.0 * math.pi * f[band]) * 2.0 * math.pi
     # 64 x 7 segments: 5 % a bin; 20 bins averaged: 1.5 %; aliases add up to 3 % at 1 Hz of 10 Hz
     bins = (mean[band] / expected)[:40].reshape(-1, 20).mean(axis=1)
@@ -119,7 +121,8 @@ def test_the_start_is_stationary(dt):
         m = start(Vec3(*unit[:3].tolist()), Vec3(*unit[3:].tolist()), dt, par=PAR)
         columns.append([m.u, m.v, m.w, m.v_inner, m.w_inner])
     drawn = np.array(columns).T
-    np.testing.assert_allclose(drawn @ drawn.T, covariance(PAR, dt), atol=1e-8)  # as for the variance
+    # as for the variance
+    np.testing.assert_allclose(drawn @ drawn.T, covariance(PAR, dt), atol=1e-8)
 
 
 def test_a_drawn_ensemble_has_the_intensity_from_first_step_to_last():
@@ -130,7 +133,8 @@ def test_a_drawn_ensemble_has_the_intensity_from_first_step_to_last():
         memory, velocity = step(memory, Vec3(*noise[:, k].T), dt, par=PAR)
         if k in (0, 99):
             for value, sigma in zip(velocity, PAR.intensity, strict=True):
-                assert np.std(value) == pytest.approx(sigma, rel=4.5 / math.sqrt(2 * lanes))  # 4.5 sigma
+                # 4.5 sigma
+                assert np.std(value) == pytest.approx(sigma, rel=4.5 / math.sqrt(2 * lanes))
                 assert abs(np.mean(value)) < 4.5 * sigma / math.sqrt(lanes)
 
 

@@ -73,7 +73,8 @@ def test_it_swings_with_the_period_of_a_pendulum():
     crossings = np.flatnonzero(np.diff(np.sign(x)) != 0)
     period = 2.0 * np.diff(crossings).mean() * DT
     assert period == pytest.approx(2.0 * math.pi * math.sqrt(length / 9.81) * (1.0 + 0.1**2 / 16.0), rel=5e-3)
-    assert 0.095 < x[-400:].max() / length < 0.101  # a cord damps its length, not the swing
+    # a cord damps its length, not the swing
+    assert 0.095 < x[-400:].max() / length < 0.101
 
 
 def test_a_row_of_the_log_has_the_load_where_it_is_at_the_rows_time():
@@ -170,7 +171,8 @@ def test_on_a_slope_it_lies_or_slides_by_the_friction_of_the_surface(angle):
     payload, at = HangingPayload(mass=0.3, cord=0.5), Vec3(0.0, 0.0, 0.2)
     memory = payload.act(payload.start(DT, ()), 0.0, DT, Holder(at, Vec3(0.0, 0.0, 0.0), 9.81, slope))
     for k in range(1, 81):
-        over = Vec3(memory.position.x, 0.0, memory.position.z + 0.2)  # the cord is slack
+        # the cord is slack
+        over = Vec3(memory.position.x, 0.0, memory.position.z + 0.2)
         memory = payload.act(memory, k * DT, DT, Holder(over, Vec3(0.0, 0.0, 0.0), 9.81, slope))
     x, z = memory.position.x, memory.position.z
     assert x * math.sin(angle) + z * math.cos(angle) == pytest.approx(0.0, abs=1e-9), "on the slope"

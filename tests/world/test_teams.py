@@ -173,7 +173,8 @@ def test_internal_forces_move_nothing_and_are_all_that_moves_nothing(places):
     inner = np.array([[*f] for f in whole.internal([vec(f) for f in forces], [vec(arm) for arm in arms])])
     assert np.allclose(G @ inner.ravel(), 0.0, atol=1e-6)
     null = np.eye(3 * len(places)) - np.linalg.pinv(G) @ G
-    assert np.allclose(inner.ravel(), null @ forces.ravel(), atol=1e-6)  # equal virtual masses: the orthogonal part
+    # equal virtual masses: the orthogonal part
+    assert np.allclose(inner.ravel(), null @ forces.ravel(), atol=1e-6)
 
 
 def test_two_members_have_the_pull_along_their_line_alone():
@@ -244,7 +245,8 @@ def test_the_known_wrenches_lift_the_body_with_the_desired_pull():
     line = np.subtract(arms[1], arms[0])
     line /= np.linalg.norm(line)
     left = np.cross(arms, on_body).sum(axis=0) - [*moment]
-    assert np.allclose(left - line * (left @ line), 0.0, atol=1e-6)  # what two places can exert
+    # what two places can exert
+    assert np.allclose(left - line * (left @ line), 0.0, atol=1e-6)
     assert (on_body[1] - on_body[0]) @ line / 2.0 == pytest.approx(2.0, abs=1e-6)
 
 
@@ -266,7 +268,8 @@ def test_where_a_member_must_lean_pulls_are_forgotten_and_answered_slowly():
     own, rows = whole.lead(whole.first(DT), leans, DT)
     slow, other = (Carry.of(row).forgotten_force for row in rows)
     assert slow.x == pytest.approx(0.1 * Carry.of(quick).forgotten_force.x)
-    assert other.x == pytest.approx(-Carry.of(quick).forgotten_force.x)  # it leans across the pull alone
+    # it leans across the pull alone
+    assert other.x == pytest.approx(-Carry.of(quick).forgotten_force.x)
     assert own.inner[0].x == pytest.approx(0.01 * 0.5 * 0.05 * DT * 3.0, rel=1e-5)
     assert own.inner[1].x == pytest.approx(-0.5 * 0.05 * DT * 3.0, rel=1e-5)
 
@@ -277,7 +280,8 @@ def test_members_forget_the_moments_of_fixed_grasps():
     given = dataclasses.replace(inputs(whole, 5.0), moments=[Vec3(0.1, 0.0, -0.2), Vec3(0.0, 0.3, 0.0)])
     _, rows = whole.lead(whole.first(DT), given, DT)
     found = [[*Carry.of(row).forgotten_moment] for row in rows]
-    assert np.allclose(found, [[-0.4, 0.0, 0.8], [0.0, -1.2, 0.0]], atol=1e-12)  # of what the body does to the tips
+    # of what the body does to the tips
+    assert np.allclose(found, [[-0.4, 0.0, 0.8], [0.0, -1.2, 0.0]], atol=1e-12)
 
 
 def test_an_error_of_the_pose_shifts_and_turns_all_tips_but_not_about_their_line():
@@ -322,7 +326,8 @@ def test_errors_of_tips_that_last_are_removed_by_the_integral(kind):
     given = dataclasses.replace(inputs(whole, 5.0, off=off), behind=[vec(-off)] * 3)
     own, _ = whole.lead(whole.first(DT), given, DT)
     assert np.allclose([*own.pose.place], -0.3 * DT * off, atol=1e-9)
-    assert [*own.pose.off] == [0.0, 0.0, 0.0]  # there it would act on the loops of the members
+    # there it would act on the loops of the members
+    assert [*own.pose.off] == [0.0, 0.0, 0.0]
 
 
 @pytest.mark.parametrize("share", [0.0, 0.6, 2.0])
@@ -383,7 +388,8 @@ def test_the_proportional_part_passes_a_pole_of_the_filter_and_waits_for_the_lif
     assert np.allclose([*own.pose.off], -off * (1.0 - math.exp(-8.0 * 40 * DT)), rtol=0.05)
     assert [*own.pose.place] == [0.0, 0.0, 0.0]
     still, _ = whole.lead(own, dataclasses.replace(inputs(whole, 2.5, off=off), behind=[ZERO3] * 3), DT)
-    assert [*still.pose.off] == [*own.pose.off]  # not on its support, where nothing gives way
+    # not on its support, where nothing gives way
+    assert [*still.pose.off] == [*own.pose.off]
 
 
 def test_shifts_reach_the_members_through_a_filter_with_their_derivatives():
@@ -420,7 +426,8 @@ def test_pulls_along_all_pairs_of_grasps_are_the_internal_forces(places):
     assert np.allclose(wrench_of(places, forces), 0.0, atol=1e-12)
     found = whole.tensions([vec(f) for f in forces], arms)
     assert np.allclose(A @ found, A @ given, atol=1e-6)
-    assert np.allclose(found, np.linalg.pinv(A, rcond=1e-9) @ forces.ravel(), atol=1e-4)  # on one line many would do
+    # on one line many would do
+    assert np.allclose(found, np.linalg.pinv(A, rcond=1e-9) @ forces.ravel(), atol=1e-4)
 
 
 def test_three_desired_pulls_stand_in_the_known_forces_and_two_are_refused():
@@ -580,7 +587,8 @@ def test_the_weight_of_a_follower_is_borne_by_its_leader():
         position=still, quaternion=Quaternion(1.0, 0.0, 0.0, 0.0), velocity=still, rate=still,
         joints=(0.0, 0.5), joint_rates=(0.0,) * 2, rotor_speeds=(0.0,) * 4,
     )
-    own = 9.81 * (0.04 * 0.075 + 0.01 * 0.15) * np.sin(0.5)  # of the last link and what it carries
+    # of the last link and what it carries
+    own = 9.81 * (0.04 * 0.075 + 0.01 * 0.15) * np.sin(0.5)
     for thing, more in ((vehicle, 0.0), (tied, 9.81 * 0.1 * 0.1 * np.sin(0.5))):
         most = largest_load(PointMotion(thing, state, gravity=9.81))
         assert most.moment == pytest.approx(0.85 * 0.5 - own - more)
@@ -610,7 +618,8 @@ def test_messages_at_a_rate_are_those_of_the_last_sending():
     assert np.allclose(half, seen, atol=1e-5)
     late, (age, *_) = heard_pull(team(rate=50.0, delay=2 * DT), 8)
     assert np.allclose(late, [0, 0, 1, 1, 1, 1, 5, 5], atol=1e-5)
-    assert age == pytest.approx(3 * DT)  # sent with the fifth force, heard two periods later and held for one
+    # sent with the fifth force, heard two periods later and held for one
+    assert age == pytest.approx(3 * DT)
 
 
 def test_lost_messages_leave_the_last_force_until_it_is_too_old():
@@ -678,10 +687,12 @@ def test_the_shift_of_a_follower_moves_at_its_rate_and_rests_at_its_bound():
     bound = int(np.argmax(np.all(rate[1:] == 0.0, axis=1)))
     assert 5 < bound < 145
     assert np.allclose(np.diff(rate[:bound], axis=0), DT * acceleration[1:bound], atol=1e-12)
-    assert np.allclose(np.diff(offset, axis=0), DT * rate[1:], atol=1e-12)  # at the bound, too
+    # at the bound, too
+    assert np.allclose(np.diff(offset, axis=0), DT * rate[1:], atol=1e-12)
     size = np.linalg.norm(offset, axis=1)
     assert 0.0995 < size[149] <= size.max() <= 0.1
-    assert np.linalg.norm(offset[-1]) < np.linalg.norm(offset[149])  # a pull the other way lets it go
+    # a pull the other way lets it go
+    assert np.linalg.norm(offset[-1]) < np.linalg.norm(offset[149])
 
 
 PARTS_OF_SHIFT = ("offset", "offset_rate", "offset_acceleration")
@@ -712,7 +723,8 @@ def test_thapas_law_on_kinematic_tips_has_his_internal_force_speed_and_mass():
     state = [(MemberState(mass=0.1),) * 2 for _ in rows]
     tips, path = np.zeros((2, 3)), [np.zeros(3)]
     for _ in range(500):
-        path.append(tips.mean(axis=0) - [0.0, 0.0, weight / (2.0 * K)])  # where the springs balance the load
+        # where the springs balance the load
+        path.append(tips.mean(axis=0) - [0.0, 0.0, weight / (2.0 * K)])
         force = K * (tips - path[-1])  # of the tips on the load
         for i, each in enumerate(rows):
             state[i], given = each.lead(state[i], inputs(each, 0.5, forces=force), h)

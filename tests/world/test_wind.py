@@ -69,7 +69,8 @@ def test_force_wind_has_no_turbulence():
 def test_no_wind_folds_away():
     for t in (0.0, 1.0):
         assert wind(NO_WIND, t) == WindSample()
-    assert leaves(wind(NO_WIND, 0.0)) == []  # structural zeros are no scalars of a program
+    # structural zeros are no scalars of a program
+    assert leaves(wind(NO_WIND, 0.0)) == []
     program = trace(lambda t: wind(CASE2_GUST, t).force_W, 0.0)
     assert len(program.outputs) == 1  # only the gust's own axis is computed
 

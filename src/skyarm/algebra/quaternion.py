@@ -47,7 +47,8 @@ class Quaternion(ArrayLike):
         """
         square = rate.dot(rate)
         z = square * (seconds * seconds * 0.0625)
-        sine = SINC[-1] * (0.5 * seconds)  # of the quarter, times the length of half the vector's factor
+        # of the quarter, times the length of half the vector's factor
+        sine = SINC[-1] * (0.5 * seconds)
         for c in reversed(SINC[:-1]):
             sine = sine * z + c * (0.5 * seconds)
         cosine: Scalar = COSINE[-1]

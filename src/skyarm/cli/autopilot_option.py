@@ -50,7 +50,8 @@ def load_under_autopilot(
     name = autopilot_name(typed, controller)
     load = partial(load_scenario, source, plant=plant, seed=seed, duration=duration)
     same = False
-    with suppress(ValueError):  # the scenario's own law may not load where another stands in its place
+    # the scenario's own law may not load where another stands in its place
+    with suppress(ValueError):
         own = autopilot_of(load().agent.controller)
         same = own is not None and own.name == name
     return with_typed_options(load(controller=None if same else name), typed)

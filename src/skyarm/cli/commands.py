@@ -102,11 +102,13 @@ class Spelled(LateConversion, TyperCommand):
         super().__init__(*words, **more)
         own = {word for each in self.params if each.name not in EVERY for word in each.opts}
         every: list[Parsed] = self.params
-        for each in every:  # a short name that a plugin's command has for something else stays its own
+        # a short name that a plugin's command has for something else stays its own
+        for each in every:
             each.opts = [word for word in each.opts if each.name not in EVERY or word not in own]
             if each.param_type_name == "argument":
                 each.metavar = each.metavar or each.name.upper()
-                each.display_type_rich = lambda **_: ""  # typer would print the type in Python's words
+                # typer would print the type in Python's words
+                each.display_type_rich = lambda **_: ""
             elif not each.is_flag:
                 kind = getattr(each, "type_descriptor", None)
                 each.metavar = each.metavar or VALUES.get(getattr(kind, "annotation", str), "NAME")
@@ -125,7 +127,8 @@ class Spelled(LateConversion, TyperCommand):
         shared = [{each.name for each in part.params} for part in parts.values()]
         options: list[Parsed] = self.params
         for each in options:
-            has = [each.name in names for names in shared]  # its own options, of no part, are those of older spellings
+            # its own options, of no part, are those of older spellings
+            has = [each.name in names for names in shared]
             each.hidden = each.hidden or (any(has) and not all(has))
         super().format_options(ctx, formatter)
 

@@ -35,7 +35,8 @@ def main() -> None:
     for name in BLAS_THREADS:  # read when NumPy loads; what the user has set stays
         os.environ.setdefault(name, "1")
     reconfigure = getattr(sys.stdout, "reconfigure", None)
-    if reconfigure is not None:  # a name that the terminal's encoding lacks is written out, as on standard error
+    # a name that the terminal's encoding lacks is written out, as on standard error
+    if reconfigure is not None:
         reconfigure(errors="backslashreplace")
     with endings() as came:
         try:
@@ -66,7 +67,8 @@ def main() -> None:
     flights = sys.modules.get("skyarm.simulate.stored_programs")
     if code == 0 and flights is not None:
         flights.optimise_repeated()
-    gc.freeze()  # Python would look through a million objects for circles before it ends
+    # Python would look through a million objects for circles before it ends
+    gc.freeze()
     sys.exit(code)
 
 

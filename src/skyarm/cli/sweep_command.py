@@ -136,7 +136,8 @@ def _save_episodes(study: str, controllers: list[str] | None, out: str | None, e
                 try:
                     episode = int(which) if rows is None or which.isdecimal() else rows.episode(label, which)
                     meant.append((label, episode))
-                except StudyError as error:  # of one controller, whose others may have such an episode
+                except StudyError as error:
+                    # of one controller, whose others may have such an episode
                     absent.append(error)
             if len(meant) == before:
                 raise absent[0]

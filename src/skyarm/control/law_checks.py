@@ -118,7 +118,8 @@ MEMORIES = "must be a tuple or a frozen dataclass of numbers"
 
 def memory_mistake(memory: object, path: str) -> str | None:
     """Error text for an initial controller state that cannot be compiled; None for a valid state."""
-    if isinstance(memory, str):  # within a memory it is a constant, alone it never changes
+    # within a memory it is a constant, alone it never changes
+    if isinstance(memory, str):
         return f"has {path} = {shown(memory)}: {MEMORIES}"
     mistakes = (_kept_mistake(value, at) for at, value in named_parts(memory, path))
     return next((words for words in mistakes if words), None)

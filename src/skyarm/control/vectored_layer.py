@@ -95,7 +95,8 @@ class VectoredMemory:
 
 def law_inside(controller: Controller) -> Controller:
     """Controller inside a layer: inside the allocation to tilting rotors it has a pair of fixed rotors for each."""
-    layer: Any = getattr(controller.law, "keywords", {}).get("law", controller.law)  # without the check of its results
+    # without the check of its results
+    layer: Any = getattr(controller.law, "keywords", {}).get("law", controller.law)
     inner, memory = layer.keywords["inner"], controller.memory.inner
     return replace(controller, law=inner, par=controller.par.own, memory=memory)
 

@@ -219,7 +219,8 @@ def finite_numbers(name: str, value: ArrayLike | Scalar, allowed: str = "finite 
         array = np.asarray(value)
         if array.dtype.kind == "O" and all(isinstance(each, numbers.Real) for each in array.flat):
             array = array.astype(float)
-    except (TypeError, ValueError, OverflowError) as error:  # ragged rows; values of a trace
+    except (TypeError, ValueError, OverflowError) as error:
+        # ragged rows; values of a trace
         raise ValueError(f"{name} = {shown(value)}: must be {allowed}") from error
     if array.dtype.kind not in "fiu" or not np.isfinite(array := array.astype(float, copy=False)).all():
         raise ValueError(f"{name} = {shown(value)}: must be {allowed}")

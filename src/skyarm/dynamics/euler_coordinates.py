@@ -54,10 +54,12 @@ def rate_matrix_rate(phi: Scalar, theta: Scalar, rates: Vec3) -> Mat3:
 def mass_matrix(vehicle: Vehicle, q: Sequence[Scalar]) -> Matrix:
     """Mass matrix M(q) = T^T M_tree T, (6+n) x (6+n): kinetic energy is 1/2 qd^T M qd."""
     Q, M = rate_matrix(q[3], q[4]), tree_mass_matrix(vehicle, attitude(q), q[6:])
-    for _ in range(2):  # M is symmetric: its columns, mapped, are the rows of T^T M, whose columns are mapped again
+    # M is symmetric: its columns, mapped, are the rows of T^T M, whose columns are mapped again
+    for _ in range(2):
         M = [_onto_euler_rates(Q, column) for column in zip(*M, strict=True)]
     n = range(len(M))
-    return [[M[min(i, j)][max(i, j)] for j in n] for i in n]  # symmetric to the last bit
+    # symmetric to the last bit
+    return [[M[min(i, j)][max(i, j)] for j in n] for i in n]
 
 
 def mass_matrix_partials(vehicle: Vehicle, q: Sequence[Scalar]) -> list[Matrix]:
@@ -77,7 +79,8 @@ def coriolis_matrix(vehicle: Vehicle, q: Sequence[Scalar], qd: Sequence[Scalar])
     """
     partials, n = mass_matrix_partials(vehicle, q), range(len(q))
     rate = [[inner_product([partial[i][j] for partial in partials], qd) for j in n] for i in n]
-    swept = [[inner_product(row, qd) for row in partial] for partial in partials]  # swept[j][i] = sum_k dM_ik/dq_j qd_k
+    # swept[j][i] = sum_k dM_ik/dq_j qd_k
+    swept = [[inner_product(row, qd) for row in partial] for partial in partials]
     return [[mul(0.5, add(rate[i][j], sub(swept[j][i], swept[i][j]))) for j in n] for i in n]
 
 

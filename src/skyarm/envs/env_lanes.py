@@ -181,7 +181,8 @@ class EnvLanes:
         if not np.isfinite(checked).all():
             lane = int(np.flatnonzero(~np.isfinite(checked).all(axis=1))[0])
             raise ScenarioError(f"actions[{lane}] = {shown(checked[lane].tolist())}: must be finite")
-        np.clip(checked.T, -1.0, 1.0, out=buffer)  # a larger one than 32 bits hold counts as the bound, too
+        # a larger one than 32 bits hold counts as the bound, too
+        np.clip(checked.T, -1.0, 1.0, out=buffer)
 
     def step(self) -> bool:
         """Simulate one control period of all parallel episodes; return True if an episode has ended."""

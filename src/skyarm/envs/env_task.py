@@ -85,7 +85,8 @@ def make_task(
         raise ScenarioError(f"precision = {shown(precision)}: {must_be_one_of(dict.fromkeys(PRECISIONS), precision)}")
     kind = _record_of("actions", actions, ACTIONS, Actions)
     seen = _several("observation", observation, OBSERVED, Observed, "quantity")
-    if flown.agent.path_time is not None:  # whose slower path a policy would meet in flight alone
+    # whose slower path a policy would meet in flight alone
+    if flown.agent.path_time is not None:
         raise ScenarioError("reference.governor: must be left out of an environment")
     if kind.asks_law:
         flown.agent.controller.require_compiled(f"an environment with actions {type(kind).__name__}")

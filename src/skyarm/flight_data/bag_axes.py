@@ -55,7 +55,8 @@ class MessageAxes:
             return self._of_px4(name, source, table)
         if self.kinds[topic] == IMU:
             parent, child = "", "" if topic in self.turned else parent
-        if child and (child == parent or WORLDS.fullmatch(child)):  # a twist in the world's axes
+        # a twist in the world's axes
+        if child and (child == parent or WORLDS.fullmatch(child)):
             if name == "gyro":
                 self.notes.append(f"gyro: of {topic} is left out: its rates are in the axes of the world.")
                 return None
@@ -81,7 +82,8 @@ class MessageAxes:
         worlds = [self._numbers(each)["position"] for topic, each in self.tables.items() if topic in self.kinds]
         others = {"px4_msgs/msg/VehicleLocalPosition", "px4_msgs/msg/VehicleAttitude"} & {*self.kinds.values()}
         pose = next((each for each in (NED, FRD) if {each} in worlds or (others and each == NED)), 0)
-        world = {pose} if pose else axes["velocity"] - {BODY_FRD, 0}  # without a pose any world does
+        # without a pose any world does
+        world = {pose} if pose else axes["velocity"] - {BODY_FRD, 0}
         if name == "velocity" and axes[name] == {BODY_FRD}:
             return replace(source, frame="FRD")
         if axes[name] == world:

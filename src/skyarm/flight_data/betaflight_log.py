@@ -131,7 +131,8 @@ def _sources(
         # no pulses: of other writers, which state no protocol
         if head.get("fast_pwm_protocol") is None and stated[0] < ANALOG[0]:
             (low, high), kind = map(float, stated), "motorOutput of a log that states no protocol"
-        rows |= {each: np.maximum(rows[each], low) for each in outputs}  # of DShot 0 stops a motor
+        # of DShot 0 stops a motor
+        rows |= {each: np.maximum(rows[each], low) for each in outputs}
         sources["rotor_commands"] = QuantitySource(columns=outputs, low=low, high=high)
         notes.append(f"rotor_commands: outputs from {low:g} to {high:g} ({kind}) are signals from 0 to 1.")
     if speeds := _entries(rows, "eRPM"):

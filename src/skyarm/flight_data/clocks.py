@@ -417,10 +417,12 @@ def _refine(pair: _Pair, rows: Mask, start: Array, middle: float, free: int = 2)
         if np.abs(step[0]) < 1e-7 and np.abs(step[-1]) < 1e-8:
             break
     moments = np.einsum("nap,na->np", jacobian * weights[:, :, None], residual)
-    curved = (jacobian * (weights == 1.0)[:, :, None]).reshape(count * axes, -1)  # of Huber's loss, linear beyond
+    # of Huber's loss, linear beyond
+    curved = (jacobian * (weights == 1.0)[:, :, None]).reshape(count * axes, -1)
     memory = max(1, round(MEMORY / pair.width))
     share = memory / max(count, 1)
-    normal = NORMAL + 2.9694 * share + 0.4160 * share**2  # of an estimate over some of the rows (Kiefer, Vogelsang)
+    # of an estimate over some of the rows (Kiefer, Vogelsang)
+    normal = NORMAL + 2.9694 * share + 0.4160 * share**2
     errors[:free] = normal * np.sqrt(np.maximum(np.diag(_covariance(curved, moments, memory))[:free], 0.0))
     return estimate, errors
 
@@ -476,5 +478,6 @@ def _covariance(jacobian: Array, moments: Array, memory: int) -> Array:
 def _long_run(moments: Array, memory: int) -> Array:
     """Newey-West covariance (k, k) of the sum of samples (N, k) that are correlated over neighbouring ones."""
     sums = np.cumsum(np.pad(moments, ((memory + 1, memory), (0, 0))), axis=0)
-    windows = sums[memory + 1 :] - sums[: -memory - 1]  # whose products have Bartlett's weights
+    # whose products have Bartlett's weights
+    windows = sums[memory + 1 :] - sums[: -memory - 1]
     return np.asarray(windows.T @ windows / (memory + 1))

@@ -259,7 +259,8 @@ def _rows(data: bytes, notes: list[str]) -> Messages:
         head = data[place : place + len(DEFINITION)]
         end = place + sizes.get(head, 0)
         if end == place or (end != len(data) and not data.startswith(MAGIC, end)):
-            end = data.find(MAGIC, place + 1) % (len(data) + 1)  # -1 is the end of the data
+            # -1 is the end of the data
+            end = data.find(MAGIC, place + 1) % (len(data) + 1)
             lost += end - place
         elif head != DEFINITION:
             pieces.setdefault(head, []).append(data[place + len(head) : end])

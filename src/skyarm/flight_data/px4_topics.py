@@ -25,7 +25,8 @@ def is_reversible(motors: RawTable) -> bool:
 def _span(columns: Mapping[str, Array], sensor: str) -> Array:
     """Span (us) of which a number of PX4's ``sensor_combined`` is the mean."""
     span = columns.get(f"{sensor}_integral_dt", 0.0)
-    return np.where(np.less(span, 1.0), np.multiply(span, 1e6), span)  # up to PX4 1.10 in s
+    # up to PX4 1.10 in s
+    return np.where(np.less(span, 1.0), np.multiply(span, 1e6), span)
 
 
 def middle_of_mean(columns: Mapping[str, Array], sensor: str) -> Array:
@@ -34,7 +35,8 @@ def middle_of_mean(columns: Mapping[str, Array], sensor: str) -> Array:
     PX4's VehicleIMU publishes the integral over ``integral_dt`` divided by that span, at the stamp of its last sample.
     """
     after = columns.get(f"{sensor}_timestamp_relative", 0.0) - 0.5 * _span(columns, sensor)
-    return np.where(np.abs(after) <= LATEST * 1e6, after, np.nan)  # a sensor without a reading has 2**31 - 1
+    # a sensor without a reading has 2**31 - 1
+    return np.where(np.abs(after) <= LATEST * 1e6, after, np.nan)
 
 
 APART, CLEARLY = 0.02, 0.9

@@ -188,7 +188,8 @@ def _decode(
                 mounts = _mounts(reader)
     except OSError:
         raise
-    except Exception as error:  # YAML, SQLite, compression and messages have readers of their own
+    except Exception as error:
+        # YAML, SQLite, compression and messages have readers of their own
         raise ValueError(f"bag: must be a whole bag of ROS ({type(error).__name__}: {error})") from None
     if unknown:
         undefined = comma_list(sorted({kinds[topic] for topic in unknown}))
@@ -326,7 +327,8 @@ def _table(rows: _Rows, origin: int, *, of_px4: bool = False) -> RawTable:
         if "accelerometer_m_s2[0]" in columns:
             columns["accelerometer_time"] = (columns[STAMP] + middle_of_mean(columns, "accelerometer")) * 1e-6
             stamps = stamps + np.nan_to_num(middle_of_mean(columns, "gyro")) * 1e3
-    order = np.argsort(stamps, kind="stable") if of_px4 else slice(None)  # as they were sent, not as they arrived
+    # as they were sent, not as they arrived
+    order = np.argsort(stamps, kind="stable") if of_px4 else slice(None)
     time, arrival = ((each[order] - origin) * NANO for each in (stamps, received))
     columns = {name: each[order] for name, each in columns.items()}
     return RawTable(columns=columns, time=time, received=arrival, origin=origin * NANO)

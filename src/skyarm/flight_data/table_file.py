@@ -60,7 +60,8 @@ def _table_of(path: Path, columns: Columns | None, notes: list[str]) -> RawTable
     data = path.read_bytes()
     text = data.decode("utf-16" if data.startswith(UTF_16) else "utf-8-sig", "replace")
     lost = "\ufffd"
-    if lost in text.lstrip().partition("\n")[0] and lost.encode() not in data:  # western Windows writes degree signs so
+    # western Windows writes degree signs so
+    if lost in text.lstrip().partition("\n")[0] and lost.encode() not in data:
         western = data.decode("cp1252", "replace")
         text = western if western.lstrip().splitlines()[0].replace("\t", "").isprintable() else text
     text = re.sub(r"^\s*sep=.\n", "", text.replace("\r\n", "\n").replace("\r", "\n"))
@@ -82,7 +83,8 @@ def _table_of(path: Path, columns: Columns | None, notes: list[str]) -> RawTable
     rows = numbers_of_rows(body, {name: names.index(name) for name in used}, separator, len(names), notes, times)
     if not len(rows):
         raise ValueError("rows = 0: must be one or more")
-    others = dict.fromkeys(filter(None, names), np.zeros(0))  # not read: a mapping names none of them
+    # not read: a mapping names none of them
+    others = dict.fromkeys(filter(None, names), np.zeros(0))
     return RawTable(columns={**others, **dict(zip(used, rows.T, strict=True))}, time=np.zeros(0))
 
 

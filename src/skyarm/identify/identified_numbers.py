@@ -223,7 +223,8 @@ def disagreement(found: WindowFit, scale: Scale, after: Array, flights: Sequence
     if len(names) < 2:
         return ratio
     prior = found.prior_information
-    pulled = -found.stretch_scores.sum(axis=0)  # by what was known before, at the estimate of all
+    # by what was known before, at the estimate of all
+    pulled = -found.stretch_scores.sum(axis=0)
     off, variances = [], []
     for name in names:
         own = [k for k, each in enumerate(flights) if each == name]
@@ -294,7 +295,8 @@ def condition_on_start(
         left = [i for i in group if shares[i] < SHOWN]
         while left:
             now = [1.0 - correction[i] * float(rows[i] @ spread @ rows[i]) / before[i] for i in left]
-            least = int(np.argmin(np.round(now, 6)))  # of those known alike the first, however they are rounded
+            # of those known alike the first, however they are rounded
+            least = int(np.argmin(np.round(now, 6)))
             if now[least] >= SHOWN:
                 break
             row, shift = rows[left[least]], off[left[least]]

@@ -401,7 +401,8 @@ def costs_of_absent(errors: WindowErrors, fit: WindowFit, rows: Array) -> dict[s
 
     absent = [name for name in NOISE if not any(name in each.channels for each in errors.windows.flights)]
     if "quaternion" not in absent and any("velocity" in each.channels for each in errors.windows.flights):
-        absent = []  # a position tells nothing beyond the velocity but where the flight was
+        # a position tells nothing beyond the velocity but where the flight was
+        absent = []
     if not absent and not errors.unlogged:
         return {}
     costs, measured = dict[str, Array](), widths(errors, fit.noise, loose)

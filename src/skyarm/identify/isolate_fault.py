@@ -396,7 +396,8 @@ class Leavings:
         rows = zip(errors.rows, fit.noise[0].tolist(), first_noise(errors)[0].tolist(), strict=True)
         for (name, column), noise, white in rows:
             channel, square = flight[name], white**2
-            if name == "accelerometer":  # no log tells whether a sample is a mean, or when within its period it is
+            # no log tells whether a sample is a mean, or when within its period it is
+            if name == "accelerometer":
                 change = 1.4826 * float(np.median(np.abs(np.diff(channel.values[:, column]))))
                 square += max(0.0, change**2 - 2.0 * square) / 12.0
             # a mean of several samples is quieter than one

@@ -83,7 +83,8 @@ class RequiredFlight:
         times = self.period * np.arange(len(self.rate), dtype=float)
         states = {
             "gyro": self.rate,
-            "accelerometer": np.zeros_like(self.rate),  # only that there are readings counts
+            # only that there are readings counts
+            "accelerometer": np.zeros_like(self.rate),
             "position": self.position,
             "quaternion": np.roll(Rotation.from_matrix(self.turned).as_quat(), 1, axis=1),
             "velocity": self.velocity,

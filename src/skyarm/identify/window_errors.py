@@ -284,7 +284,8 @@ class WindowErrors:
     def errors_at(self, searched: Array, states: WindowStates) -> tuple[Array, Mask]:
         """Residuals (steps, W, sensor axes) of W windows and their mask, for search variables of parameters (P,)."""
         errors, there = self._nothing()
-        with np.errstate(over="ignore", invalid="ignore"):  # what a search tries may fly to infinity
+        # what a search tries may fly to infinity
+        with np.errstate(over="ignore", invalid="ignore"):
             for k, _, rows, error, _, has in self._readings(searched, states, []):
                 errors[k, :, rows], there[k, :, rows] = error[:, 0].T, has[:, None]
         return errors, there
@@ -390,7 +391,8 @@ class WindowErrors:
         steps = np.arange(self.windows.length)[:, None][k]
         samples, at = self.samples[name], self.windows.begins + steps
         there: Mask = samples.there[at]
-        if name == "accelerometer":  # a mean over a sample's period that begins before the window is not flown
+        # a mean over a sample's period that begins before the window is not flown
+        if name == "accelerometer":
             there = there & (steps + samples.share[at] > self.averaged[self.windows.owners] - 1e-9)
         return there
 
@@ -604,7 +606,8 @@ class WindowLanes:
             for i, commands, which in self._joints
         }
         first = next((late for *_, late in joints.values()), None)
-        if any((late != first).any() for *_, late in joints.values()):  # the plant has one switch for all joints
+        # the plant has one switch for all joints
+        if any((late != first).any() for *_, late in joints.values()):
             joints = {i: in_halves(*rows, self._windows.step) for i, rows in joints.items()}
         for i, (before, after, late) in joints.items():
             inputs["setpoints_before"][i], inputs["setpoints_after"][i], inputs["late"][1] = before, after, late

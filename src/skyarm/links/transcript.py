@@ -67,7 +67,8 @@ class Tape:
         self._file: gzip.GzipFile | None = None
         self._path = Path(file).expanduser() if file else None
         if self._rows is not None:
-            next(self._rows)  # the beginning is read here, so that a file that is no transcript is refused early
+            # the beginning is read here, so that a file that is no transcript is refused early
+            next(self._rows)
             self._rows = _rows_for(name, self._rows, played)
         if self._path is not None:
             if played:

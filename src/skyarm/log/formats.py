@@ -91,7 +91,8 @@ def log_from_npz(file: bytes, name: str) -> Log:
         info = json.loads(str(content.pop("info")))
     except TooLargeError as error:
         raise ValueError(f"{name}: {error}") from None
-    except Exception:  # archive, header, numbers and JSON have readers of their own, each with its own errors
+    except Exception:
+        # archive, header, numbers and JSON have readers of their own, each with its own errors
         raise ValueError(f"{name}: must be a log that save_npz wrote") from None
     try:
         return log_of(content, info)
@@ -197,7 +198,8 @@ def load_log(path: PathLike) -> Log:
         OSError: the file cannot be read.
     """
     read = require_readable(path)
-    unreadable(Path(path))  # an input of the running command; the reader says why it is none
+    # an input of the running command; the reader says why it is none
+    unreadable(Path(path))
     log = read(Path(path))
     require_result(read, log, isinstance(log, Log), "a skyarm.Log")
     return log

@@ -141,7 +141,8 @@ def run_campaign(
                 progress(len(landed), len(every), work.label)
             # of flights that were kept none flies meanwhile
             if drawing is not None and crew.flights and all(each.label in landed for each in pictured):
-                with suppress(Exception):  # what cannot be drawn is said once all have flown
+                # what cannot be drawn is said once all have flown
+                with suppress(Exception):
                     drawing.step(lambda: _campaign_of(pictured, landed).logs[plants[0]])
     # in the order of the report, whichever landed first
     campaign = _campaign_of(every, landed)

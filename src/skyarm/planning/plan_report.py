@@ -172,7 +172,8 @@ def flight_document(plan: Plan, file: Path, vehicle: str) -> dict[str, Entry]:
     document: dict[str, Entry] = {
         "schema": 1,
         "name": task.name,
-        "duration": math.ceil(200.0 * (float(plan.t[-1]) + 2.0 * SETTLE) - 1e-6) / 200.0,  # whole control periods
+        # whole control periods
+        "duration": math.ceil(200.0 * (float(plan.t[-1]) + 2.0 * SETTLE) - 1e-6) / 200.0,
         # the plan is known on board: its reference comes in each control period
         "rates": {"control": 200, "reference": 200},
         "plant": {"vehicle": vehicle, "gravity": task.gravity},

@@ -506,7 +506,8 @@ def plan(task: Task, *, seconds: float = 600.0, on_progress: Callable[[str], Non
             try:
                 found = _best_plan(longer, watch, met, _slower(found, longer), PENALTIES[: 1 if coarse else None])
             except PlanError as error:
-                if not coarse:  # the limits alone are narrower there; the plan before keeps them
+                # the limits alone are narrower there; the plan before keeps them
+                if not coarse:
                     break
                 if room > MOST_ROOM:
                     raise PlanError(f"{error}; state the duration of each phase, or a larger step") from None

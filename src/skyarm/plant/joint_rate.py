@@ -67,7 +67,8 @@ def fastest_mode(vehicle: Vehicle, root: Array) -> tuple[float, Array]:
             # similar to the inverse times D, but symmetric
             rates, modes = np.linalg.eigh(root[:, None] * np.linalg.inv(_masses(vehicle))[:, 6:, 6:] * root[None, :])
     except np.linalg.LinAlgError:
-        return none  # masses so far apart that rounding makes M singular: such a flight ends as diverged
+        # masses so far apart that rounding makes M singular: such a flight ends as diverged
+        return none
     fastest = rates[:, -1]
     worst = int(np.argmax(fastest))
     return (float(fastest[worst]), modes[worst, :, -1]) if np.all(np.isfinite(fastest)) else none

@@ -151,7 +151,8 @@ class MujocoPlant:
             add_vehicle(spec, vehicle, held, prefix)
         self._welds = [Welds(spec, vehicles, prefixes, around) for _ in closed_contacts(around)]
         with QUIET, warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # of masses beyond measure, whose flight ends as diverged
+            # of masses beyond measure, whose flight ends as diverged
+            warnings.simplefilter("ignore")
             self.model = spec.compile()
         self._physics_step, self._rk4 = physics_step, integrator == "rk4"
         self._data = mujoco.MjData(self.model)

@@ -69,7 +69,8 @@ def _compile(file: str) -> Any:
     if Path(file).suffix not in (".urdf", ".xml", ".mjcf"):
         refuse("--compare", file, "must be a .urdf, .xml or .mjcf file, which MuJoCo reads itself")
     usual = mujoco.get_mju_user_warning()
-    mujoco.set_mju_user_warning(lambda _: None)  # or it writes them to a file in the current folder
+    # or it writes them to a file in the current folder
+    mujoco.set_mju_user_warning(lambda _: None)
     try:
         spec = mujoco.MjSpec.from_file(file)
         for each in (*spec.geoms, *spec.meshes) if file.endswith(".urdf") else ():

@@ -143,7 +143,8 @@ def _with_bounds(rule: Rule, unit: Unit) -> Rule:
 def _is_record(annotation: object) -> TypeGuard[type]:
     """True if an annotation is a class whose instances ``isinstance`` can test, such as a dataclass."""
     said = isinstance(annotation, type) and annotation not in (Any, object, bool, str, *_NUMBERS)
-    return said and not getattr(annotation, "_is_protocol", False)  # a generic class has it, too: False
+    # a generic class has it, too: False
+    return said and not getattr(annotation, "_is_protocol", False)
 
 
 def _number(field: str, value: object, unit: Unit) -> Scalar:

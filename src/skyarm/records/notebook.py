@@ -14,6 +14,7 @@ def notebook_html(record: object) -> str:
 
     try:
         words, picture = import_module(PAGE).words_and_picture(record)
-    except Exception:  # a cell shows what there is: a damaged log, a plugin that is not loaded
+    except Exception:
+        # a cell shows what there is: a damaged log, a plugin that is not loaded
         words, picture = repr(record), ""
     return f"<pre>{html.escape(words)}</pre>{picture}"

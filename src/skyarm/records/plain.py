@@ -64,7 +64,8 @@ def _plain(value: object, above: tuple[int, ...]) -> Plain:
     if isinstance(value, float):
         return float(value) if math.isfinite(value) else str(float(value))
     if id(value) in above:
-        return "(itself)"  # an object that refers to itself, as a recursive inner function does
+        # an object that refers to itself, as a recursive inner function does
+        return "(itself)"
     above = (*above, id(value))
     if isinstance(value, (Mapping, list, tuple, set, frozenset)) or hasattr(value, "tolist"):
         return _several(value, above)

@@ -63,7 +63,8 @@ def record_from(kind: type[Record], fields: Fields, *, folds: bool = False) -> R
         elif name in declared:
             values[name] = default_if_equal(value_from(*declared[name], fields, word, folds), field.default)
         else:
-            at = fields.at(unresolved_field(kind) or word)  # one of them hides the types of all
+            # one of them hides the types of all
+            at = fields.at(unresolved_field(kind) or word)
             raise ValueError(f"{at}: the annotation of this field names a type that cannot be found")
     fields.done()
     return make_at(fields.where, kind, **values)
@@ -133,7 +134,8 @@ def make_at(where: str, kind: Callable[..., Record], /, **values: object) -> Rec
         if words.startswith(where):
             raise ValueError(words) from None
         called = words_of_fields(kind)
-        if last and words.startswith((f"{last}.", f"{last}[")):  # the record calls itself so
+        # the record calls itself so
+        if last and words.startswith((f"{last}.", f"{last}[")):
             raise ValueError(where + _by_words(words.removeprefix(last), called)) from None
         own = (field_names(kind) if isinstance(kind, type) else None) or ()
         named, field = re.match(r"(\w*)\.?(\w*)", words).groups()  # type: ignore[union-attr]

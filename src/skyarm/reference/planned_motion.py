@@ -173,11 +173,13 @@ def _require_arrays(arrays: dict[str, Any], at: str) -> None:
     Raises:
         ValueError: one line that begins with ``at``.
     """
-    for name in (each for each in [*arrays] if each != "vehicle"):  # those that no law reads, too
+    # those that no law reads, too
+    for name in (each for each in [*arrays] if each != "vehicle"):
         kind = np.asarray(arrays[name]).dtype
         if kind.kind not in "fiu":
             raise ValueError(f"{at}: {name} of type {kind}: must be an array of numbers")
-        arrays[name] = values = np.asarray(arrays[name], dtype=float)  # of whole numbers the least has no size
+        # of whole numbers the least has no size
+        arrays[name] = values = np.asarray(arrays[name], dtype=float)
         if not (np.abs(values) <= LARGEST).all():
             raise ValueError(f"{at}: {name}: must be finite numbers, from {-LARGEST:g} to {LARGEST:g}")
     t = arrays["t"]
@@ -185,7 +187,8 @@ def _require_arrays(arrays: dict[str, Any], at: str) -> None:
         raise ValueError(f"{at}: t of shape {t.shape}: must be a list of two times or more")
     for name in (each for each in SHAPES if each in arrays):
         axes = ((arrays["joints"].shape[1], 0),) if name in ("torques", "joint_rates") else SHAPES[name]
-        (first, *more), rows = arrays[name].shape or (0,), len(t) - (name in ("inputs", "gains"))  # between nodes
+        # between nodes
+        (first, *more), rows = arrays[name].shape or (0,), len(t) - (name in ("inputs", "gains"))
         if first != rows or len(more) != len(axes) or any(x and k not in x for x, k in zip(axes, more, strict=True)):
             words = ",".join(f" {lengths[0]}" if lengths else " any number" for lengths in axes)
             raise ValueError(f"{at}: {name} of shape {arrays[name].shape}: must be ({rows},{words})")

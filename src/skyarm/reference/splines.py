@@ -204,7 +204,8 @@ def knot_derivatives(
     inner = len(spans) - rests
     size = FREE * inner
     band = 2 * FREE - 1
-    A: list[list[Number]] = [[0.0] * (band + 1) for _ in range(size)]  # A[i][d] couples i with i - d
+    # A[i][d] couples i with i - d
+    A: list[list[Number]] = [[0.0] * (band + 1) for _ in range(size)]
     b: list[Number] = [0.0] * size
     for i, powers in enumerate(spans):
         # cost of one piece: d' H d / span^7 with d the ends' derivatives scaled by powers of the span

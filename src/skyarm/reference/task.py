@@ -249,7 +249,8 @@ class TaskBuilder:
         """
         if self.force is None or self.normal is None:
             raise AssertionError("a force needs its size and direction")
-        if self._forces and self.follows_a_press:  # it holds on while the tip rests between two phases
+        # it holds on while the tip rests between two phases
+        if self._forces and self.follows_a_press:
             self._forces[-1] = (self._forces[-1][0], begin, self._forces[-1][2])
         self._forces.append((begin, end, self.force))
         self._pressed = len(self.setting.phases)

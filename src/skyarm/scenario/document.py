@@ -223,7 +223,8 @@ class Document:
     @cached_property
     def setting(self) -> Setting:
         """Flight data for reading a reference, with the events of a task once its reference is read."""
-        stated = number(self.table("").take("duration", 0.0), "duration")  # by the file, whatever is flown of it
+        # by the file, whatever is flown of it
+        stated = number(self.table("").take("duration", 0.0), "duration")
         return readers.setting_of(self.word("plant"), max(self.word("duration"), stated))
 
     @property

@@ -262,7 +262,8 @@ def _of_record(
             continue
         word = words.get(name, name)
         lists = "[]" if typing.get_origin(annotation) is tuple and _records_in(annotation) and word == name else ""
-        if words.get(name) not in declared:  # else it is another spelling of that field's word
+        # else it is another spelling of that field's word
+        if words.get(name) not in declared:
             when = f"where {lifted[name]} is stated" if name in lifted else "never" if unit.fixed else varies
             when = when if annotation not in SHAPING and "'" not in entry_in_words(annotation) else "never"
             more = (CHOICES[base, name] for base in bases if (base, name) in CHOICES)

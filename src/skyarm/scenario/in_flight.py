@@ -133,7 +133,8 @@ class Overrides:
                 with suppress(ScenarioError):
                     numbers[path] = number_at(parts, path)
         numbers |= self._measured_limits(scenario, numbers)
-        if sum(is_added(parts, path) for path in numbers) <= 1:  # loads add up, and sums depend on their order
+        # loads add up, and sums depend on their order
+        if sum(is_added(parts, path) for path in numbers) <= 1:
             with suppress(ScenarioError):
                 require_apart(parts, tuple(numbers))
                 numbers = dict(sorted(numbers.items()))
@@ -412,7 +413,8 @@ def _held_by_all(scenario: Scenario) -> dict[str, object]:
 def _held_throughout(scenario: Scenario) -> dict[str, object]:
     """Settings that must stay the same throughout a flight, by name, such as clocks, delays and sensor latencies."""
     vehicle, delays, model = scenario.agent.vehicle, scenario.agent.delays, scenario.agent.model
-    if delays.longest_command is not None:  # those of the commands vary within a queue of that length
+    # those of the commands vary within a queue of that length
+    if delays.longest_command is not None:
         delays = dataclasses.replace(delays, command=0.0, rotors=0, joints=0)
     settings = {
         **{"rates": scenario.rates, "duration": scenario.duration},

@@ -274,7 +274,8 @@ def changes(entry: object, path: str, reading: ScenarioWords) -> tuple[Change, .
     read = [record_from(Change, table) for table in list_of_tables(entry, path)]
 
     def absolute(_: str, file: str, __: str) -> str:
-        return str((reading.folder / file).absolute())  # a change is read again wherever it is flown
+        # a change is read again wherever it is flown
+        return str((reading.folder / file).absolute())
 
     values = (_without_files(each.table, f"{path}[{i}].value", reading.folder) for i, each in enumerate(read))
     return tuple(
@@ -473,7 +474,8 @@ def _require_standing(fields: Fields, scenario: Scenario) -> None:
     if not scenario.worlds:
         raise ValueError(f"{fields.at('standing')} = true: must be false without a [world] to stand on")
     for name in ("quaternion_wxyz", "velocity", "rate", "joint_rates", "rotor_speeds"):
-        turned = fields.numbers(name, ())[name == "quaternion_wxyz" :]  # its first number says that it is not
+        # its first number says that it is not
+        turned = fields.numbers(name, ())[name == "quaternion_wxyz" :]
         if any(turned):
             raise ValueError(f"{fields.at(name)}: must be left out of a start that is standing: it is at rest")
 

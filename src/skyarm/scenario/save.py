@@ -123,7 +123,8 @@ def tables_of(
     try:
         return _tables_from(target, stated, folder)
     except ScenarioError as error:
-        with suppress(ValueError):  # the law of this name may have other options than the base's
+        # the law of this name may have other options than the base's
+        with suppress(ValueError):
             return _tables_from(target, _under_laws(stated, laws, folder), folder)
         raise error from None
 
@@ -242,7 +243,8 @@ def _from_folder(tables: Tables, old: Path, new: Path) -> Tables:
     def from_new(path: str) -> str:
         if os.path.isabs(path):
             return path
-        return os.path.relpath((old / path).resolve(), new.resolve())  # a link leads elsewhere than its name
+        # a link leads elsewhere than its name
+        return os.path.relpath((old / path).resolve(), new.resolve())
 
     return with_other_paths(tables, from_new)
 
@@ -280,7 +282,8 @@ def _with_entries_of(begun: Scenario, scenario: Scenario, agent: str, tables: Ta
             entry = _entry(slot, after)
         if slot.path == "payloads":
             entry = _without_instants(entry, stated.get("payloads", []))
-        if slot.table == "sensors":  # of the full state its numbers stand there, of others tables by their names
+        # of the full state its numbers stand there, of others tables by their names
+        if slot.table == "sensors":
             beside = _of_agent(document, agent).get("sensors", {}).items()
             entry = {name: each for name, each in beside if isinstance(each, dict) is (slot.path == slot.table)} | entry
         document = _with_entry_of(document, agent, slot, entry)
@@ -350,10 +353,12 @@ def _with_entry_of(tables: Tables, agent: str, slot: Slot, entry: object) -> Tab
     top, stated = ([first], tables.get(first, {})) if first == path[0] else (path, {})
     others = [each.path for each in slots(Scenario) if each.place[0] != "agent"]
     shared = {key: stated[key] for key in stated if f"{first}.{key}" in others} if len(path) > 1 else {}
-    if len(named) > 1 and first not in own:  # the vehicle's own table takes the place of the whole one at the top
+    # the vehicle's own table takes the place of the whole one at the top
+    if len(named) > 1 and first not in own:
         own = own | {first: {key: each for key, each in stated.items() if key not in shared}}
     agents = tables[AGENTS] | {agent: _with_entry(own, named, entry)}
-    if all(first in each for each in agents.values()):  # an entry at the top that no vehicle reads is refused
+    # an entry at the top that no vehicle reads is refused
+    if all(first in each for each in agents.values()):
         tables = _with_entry(tables, top, shared or LEFT_OUT)
     return tables | {AGENTS: agents}
 
@@ -376,7 +381,8 @@ def _numbers(begun: Scenario, scenario: Scenario) -> dict[str, float]:
         place
         for (place, before), (_, after) in zip(ours, theirs, strict=True)
         if (isinstance(after, float) and (type(before) is not float or before != after))
-        or (type(after) is int and after == 0 and type(before) is float)  # structure, which tables of some kinds lack
+        # structure, which tables of some kinds lack
+        or (type(after) is int and after == 0 and type(before) is float)
     ]
     places = [place for place in places if place_in_agent(place)[: len(PLANNED)] != PLANNED]
     stated = [place for place in places if place_in_agent(place)[: len(FOLLOWS)] != FOLLOWS]

@@ -117,7 +117,8 @@ def check_scenario(scenario: Scenario, changed: Collection[Place] | None = None,
 
 def touches(each: Rule, changed: Collection[Place]) -> bool:
     """True if a consistency check reads any given scenario field, a part of one, or a record that contains one."""
-    for word in each.reads:  # in loops: this runs for each rule and each number that a sweep replaces
+    # in loops: this runs for each rule and each number that a sweep replaces
+    for word in each.reads:
         for read in read_places(word):
             for place in changed:
                 if place[: len(read)] == read[: len(place)]:

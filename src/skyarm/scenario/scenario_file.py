@@ -215,17 +215,20 @@ def _scenario_of(document: Document) -> Scenario:
         with each.errors_at():
             controller = each.stated_table("controller")
             require_servos_said(controller, each.word("plant").vehicle, each.word("model"))
-            each.word("payloads")  # and the reference, of whose faults the law's would distract
+            # and the reference, of whose faults the law's would distract
+            each.word("payloads")
             agents[name] = Agent(**{place[-1]: value for place, value in each.fields(agent=True).items()})
     shared = {place[-1]: value for place, value in document.fields(agent=False).items()}
     scenario = Scenario(**shared | {"agents": agents, "changes": tuple(changes)})
     check_scenario(scenario)
     document.table("environment").done()
-    if "duration" not in document.replaced:  # what takes its place shortens the flight, not the file
+    # what takes its place shortens the flight, not the file
+    if "duration" not in document.replaced:
         scenario.windows.require_within(scenario.duration)
         _require_within(scenario.changes, scenario.steps, scenario.rates.control)
     numbers, initial = document.table("numbers").table, slot_of("initial")
-    if document.law is not None:  # gains of a law that does not fly, as changes of it are
+    # gains of a law that does not fly, as changes of it are
+    if document.law is not None:
         numbers = {path: value for path, value in numbers.items() if not is_below(word_of(path), "controller")}
     for name, each in members.items():
         _warn_of_two_loads(each, [word_of(c.path) for c in scenario.changes if agent_of(c.path) in ("", name)])
@@ -298,7 +301,8 @@ def _by_its_path(scenario: Scenario, numbers: Mapping[str, Scalar], words: str) 
         try:
             with_numbers(scenario, {path: value})
         except ValueError as error:
-            message, texts = str(error), (shown(value), f"{value}.0")  # as it is and as a record holds a whole number
+            # as it is and as a record holds a whole number
+            message, texts = str(error), (shown(value), f"{value}.0")
             why = next((tail for each in texts if (tail := message.partition(f" = {each}: ")[2])), message)
             return ScenarioError(f"{path} = {shown(value)}: {why}")
     return ScenarioError(words.replace(OF_STUDIES, "must be written in its table"))

@@ -55,7 +55,8 @@ if TYPE_CHECKING:
 
     AnyComponent = Component[Any]  # of any internal state, which it alone knows
 else:
-    Contact = Team = AnyComponent = Component  # a world is imported when a scenario has one
+    # a world is imported when a scenario has one
+    Contact = Team = AnyComponent = Component
 
 PLANTS = ("rigid_body", "mujoco")
 """Kinds of plants for the paper's cases; the registry lists all."""
@@ -610,7 +611,8 @@ def _fields_from_words(kind: type, words: dict[str, object]) -> dict[str, object
                 raise ScenarioError(f"{next(iter(inner))}: {SEVERAL.format(', '.join(fields['agents']))}")
             if group not in fields:
                 fields[group] = group_kind(**inner)
-            elif isinstance(fields[group], group_kind):  # what is not is refused as the group
+            elif isinstance(fields[group], group_kind):
+                # what is not is refused as the group
                 fields[group] = replace(fields[group], **inner)
     if "agent" in fields:
         known = members if isinstance(members, Members) else Members(tuple(members or (SOLE,)))

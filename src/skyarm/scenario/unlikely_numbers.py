@@ -243,7 +243,8 @@ def _rotors(vehicle: Vehicle) -> Iterator[str]:
     spins = [(float(each.inertia), each) for each in vehicle.rotors]
     for most, rotor in sorted(spins, key=lambda spin: -spin[0])[:1]:
         whole = float(rotor.axis.dot(vehicle.base.inertia.apply(rotor.axis)))
-        if most <= 1.0 and sum(spin for spin, _ in spins) > SPINNING * whole:  # beyond, its size tells of it
+        # beyond, its size tells of it
+        if most <= 1.0 and sum(spin for spin, _ in spins) > SPINNING * whole:
             yield (
                 f"rotors[{rotor.name}].inertia = {most:g} kg m^2: with {len(spins)} rotors is more than {SPINNING:.0%} "
                 f"of the base's {whole:.3g}, as a link that only stands in for a propeller has; motor and propeller "

@@ -77,10 +77,12 @@ def _idle_components(scenario: Scenario) -> Iterator[str]:
         for where, each in scenario.placed_components
         if where.startswith("environment.") and not (each == NO_WIND or each.coupled or each.rigid)
     }
-    if not placed or scenario.kind not in PLANTS:  # other plants have forces of their own
+    # other plants have forces of their own
+    if not placed or scenario.kind not in PLANTS:
         return
     changing = " ".join(each.path for each in scenario.changes)
-    settled = not ("environment.forces" in changing or "plant." in changing)  # else it may feel air later
+    # else it may feel air later
+    settled = not ("environment.forces" in changing or "plant." in changing)
     parts = (NO_WIND, *placed.values())
     blind = _blind_axes(scenario, parts, LEVEL)
     cure = "rotors.drag_coefficient or drag.area" if "x" in blind else "drag.area[2]"
@@ -124,7 +126,8 @@ def _blind_axes(scenario: Scenario, parts: tuple[Component[Tree], ...], attitude
 
 def _begin(scenario: Scenario, component: Component[Tree], noise: float = 0.0) -> Tree:
     """Initial state of an environment model; for one with random numbers, all its values equal ``noise``."""
-    draws = [0.5] * 2 * min(component.uniforms, MOST_UNIFORMS)  # more are refused before the flight
+    # more are refused before the flight
+    draws = [0.5] * 2 * min(component.uniforms, MOST_UNIFORMS)
     memory = component.start(scenario.rates.period, draws)
     return rebuild(memory, iter([noise] * len(leaves(memory)))) if draws else memory
 
@@ -149,7 +152,8 @@ def _effect(scenario: Scenario, component: Component[Tree], blind: set[str]) -> 
             pushes = component.wrenches(memory, t, UNKNOWN, speeds)
             acts = any(abs(c) > NOTHING for each in pushes for c in (*each.force_W, *each.torque_W))
             acts = acts or component.rotor_commands(memory, scenario.agent.vehicle.rotors, speeds) is not speeds
-        still = {axis for axis, speed in zip("xyz", air, strict=True) if type(speed) is int}  # at any time
+        # at any time
+        still = {axis for axis, speed in zip("xyz", air, strict=True) if type(speed) is int}
         if (acts or moved) and moved | still >= blind:
             break
     if not (acts or moved or every == 1 or middles):

@@ -299,7 +299,8 @@ class Leg:
             each = zip(stages.agents, loop.agents, rows, flown.agents, goals, strict=True)
             instants = [_instant(agent, own, loop.ticks, row, sample, goal) for agent, own, row, sample, goal in each]
             counted = {name: alive if within is True else logical_and(alive, within) for name, within in inside.items()}
-            rows_of_totals = zip(tallies, options.wanted, instants, strict=False)  # a leg may count nothing
+            # a leg may count nothing
+            rows_of_totals = zip(tallies, options.wanted, instants, strict=False)
             tallies = tuple(advance_totals(sums, totals, now, counted) for sums, totals, now in rows_of_totals)
             log = self._log_entries(stages.scenario, rows, flown) if options.every else ()
             return (following, tallies), log

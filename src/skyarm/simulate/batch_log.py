@@ -64,7 +64,8 @@ def batch_logs(legs: Sequence[tuple[tuple[Logged, ...], Array]], time: Array) ->
     each_leg = []
     for examples, rows in legs:
         ends = np.cumsum([len(leaves(each)) for each in examples])
-        each_leg.append([*zip(examples, np.split(rows, ends, axis=1), strict=False)])  # rows may be padded
+        # rows may be padded
+        each_leg.append([*zip(examples, np.split(rows, ends, axis=1), strict=False)])
     return [_log_of_agent(own, time) for own in zip(*each_leg, strict=True)]
 
 

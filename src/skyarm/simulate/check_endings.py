@@ -134,7 +134,8 @@ def statuses(scenario: Scenario, values: Mapping[str, Array], ends: Sequence[Lan
         varied = with_numbers(scenario, numbers)
         every = endings_of(varied)
         words = np.array(["completed", *(ending.status for ending in every), PHASE_FAILED])
-        number = np.where(ended, 1, 0)  # a command that is not finite leaves a sound state behind
+        # a command that is not finite leaves a sound state behind
+        number = np.where(ended, 1, 0)
         for end in ends:
             if end.failed is not None:
                 number = np.where(end.failed, len(words) - 1, number)

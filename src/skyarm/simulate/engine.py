@@ -275,7 +275,8 @@ class Engine:
         self._before = self._stepper.carry.copy()
         self._first = 0  # period of the inputs' first row
         self._rows = self._input_rows()
-        self._width = self._rows.shape[1] - self._command_inputs  # of a row but for the commands
+        # of a row but for the commands
+        self._width = self._rows.shape[1] - self._command_inputs
         self.recorder = FlightRecorder(code.sample, len(self._rows))
         self._stepper.read_tables(self._rows, self.recorder.table)
         self.tick = self.begun = 0
@@ -439,7 +440,8 @@ class Engine:
         program = LoopProgram(scenario)
         stages = program.stages(())
         rows = self.inputs.rows_at(ticks[0], now)
-        if all(law.compiled for law in self._laws):  # the memory of another law may hold anything
+        # the memory of another law may hold anything
+        if all(law.compiled for law in self._laws):
             now = rebuild(now, iter(np.array(leaves(now), dtype=float)))
             rows = rebuild(rows, iter(np.array(leaves(rows), dtype=float)))
         draws = [uniforms(scenario.seed, scenario.episode, each, ticks, count)[0] for each, count in program.draws]

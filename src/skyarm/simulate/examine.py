@@ -246,7 +246,8 @@ class UserPart:
         states = {name: first_state(whole.of(name)) for name in whole.agents} | {own: state}
         motions = motions_of([each.plant for each in whole.agents.values()], [*states.values()], tuple(states))
         for moved in motions:
-            moved.to_world(ZERO3, len(moved.vehicle.moving) - 1)  # what it keeps is there before the call, and compared
+            # what it keeps is there before the call, and compared
+            moved.to_world(ZERO3, len(moved.vehicle.moving) - 1)
         return motions[0].agents[own]
 
     def _reference(self, t: Scalar) -> Any:

@@ -24,7 +24,8 @@ class FlightRecorder:
 
     def __init__(self, sample: Sample, periods: int) -> None:
         self._sample, self.first = sample, 0
-        self.table: Array = np.empty((periods, len(leaves(sample))))  # takes memory as it is written
+        # takes memory as it is written
+        self.table: Array = np.empty((periods, len(leaves(sample))))
 
     def samples(self, start: int, stop: int, *, kept: bool = False) -> tuple[LoggedSamples, ...]:
         """Logged samples of each vehicle in control periods ``start`` to ``stop``, as views of the log if not kept."""

@@ -208,7 +208,8 @@ def episode_inputs(scenario: Scenario, ticks: range | None = None, program: Prog
         return _sample(program, held + lead)
 
     published = with_preview(_sample(program, held), preview_leads(scenario.agent.controller.par), at)
-    if published.load:  # no sample of a motion: the hand's command goes out in each control period
+    # no sample of a motion: the hand's command goes out in each control period
+    if published.load:
         published = replace(published, load=_sample(program, times).load)
     return EpisodeInputs(scenario, ticks, times, published, program)
 

@@ -221,7 +221,8 @@ class LaneRules:
         if not named or not all(column.size for column in named.values()):
             return
         table = np.array(np.broadcast_arrays(*named.values())).reshape(len(named), -1)
-        for lane, row in np.argwhere(np.isnan(table).T):  # no number lies above or below it
+        # no number lies above or below it
+        for lane, row in np.argwhere(np.isnan(table).T):
             raise ScenarioError(f"values[{list(named)[row]!r}] = nan (lane {lane}): must be a number")
         least, most = table.argmin(axis=1), table.argmax(axis=1)
         looked_at: dict[int, None] = {}

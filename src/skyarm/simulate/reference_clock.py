@@ -157,9 +157,11 @@ class Waits:
     def lead(self, clock: Clock, ticks: Scalar, row: GivenRow) -> InputRow[Reference]:
         """Closed-loop inputs of a control period, with the reference evaluated at the reference clock's time."""
         if not clock or row.reference != ():
-            return cast("InputRow[Reference]", row)  # without a clock the reference is in the row
+            # without a clock the reference is in the row
+            return cast("InputRow[Reference]", row)
         path_time, reference = self.path_time(clock), self.previewed_reference(clock, ticks)
-        if self._trajectory.load is not None:  # the hand's command is of this period, not of a sample
+        # the hand's command is of this period, not of a sample
+        if self._trajectory.load is not None:
             reference = replace(reference, load=(self._trajectory.load.derivatives(path_time)[0],))
         return InputRow(time=row.time, reference=reference, told=row.told, path_time=path_time)
 
@@ -276,7 +278,8 @@ class Waits:
         number = where(passed, n + 1.0, n)
         gone = where(passed, where(there, clock.place, now.end), clock.place) + 1.0
         offset, since = clock.offset, clock.since
-        if self._moves:  # the reference keeps its position when the rest of a phase is skipped
+        # the reference keeps its position when the rest of a phase is skipped
+        if self._moves:
             position = self.reference(self.path_time(clock), leaves((offset, since))).position
             offset, since = blend(enough, (position - Vec3(*now.stop), now.end), (offset, since))
         return replace(

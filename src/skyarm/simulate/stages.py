@@ -325,7 +325,8 @@ class AgentStages:
         memory, measurement = self._estimator.step(own.estimate, arrived, acting, self.period)
         if self.tip_sensor is not None:
             name, turned = self.tip_sensor
-            pushed = cast("ForceReading", arrived[name])  # as says what the sensor senses
+            # as says what the sensor senses
+            pushed = cast("ForceReading", arrived[name])
             measurement = replace(measurement, tip_force=tuple(turned.apply(pushed.force)))
         if self.waits.switches:
             # as says what these sensors sense
@@ -427,7 +428,8 @@ def joined_reference(scenario: Scenario, going: Reference, time: Scalar) -> Refe
         elif name == "turning":  # quaternion and rotor speeds, then their derivatives
             half = len(rest) // 2
             pose = (*rest[:half], *(0.0,) * half) * (len(numbers) // max(len(rest), 1))
-        elif name == "push" and numbers:  # nothing is touched yet, and what is believed of it
+        elif name == "push" and numbers:
+            # nothing is touched yet, and what is believed of it
             pose = tuple(0.0 if i in ASKED else value for i, value in enumerate(rest))
         else:
             pose = (0.0,) * len(numbers)

@@ -107,7 +107,8 @@ def read_mjcf(path: Path, mimic: str = "lock", base: str = "") -> RigidBodies:
     if root and not _joints(model, root):
         pose = (_rotation(model.body_quat[root]), description.vector(model.body_pos[root]))
     movable = {link.joint.name for link in tree.links} | tree.balls
-    acting = {fault: joints & movable for fault, joints in faults.items() if joints & movable}  # the others are fixed
+    # the others are fixed
+    acting = {fault: joints & movable for fault, joints in faults.items() if joints & movable}
     return with_pose(replace(bodies, rotors=rotors, drives=drives, faults=acting), pose, notes)
 
 
@@ -352,7 +353,8 @@ def mimics_of(model: MjModel) -> dict[str, Mimic]:
             refuse(f"equality of joint[{name}]", "two of them", "must be at most one")
         leader, (offset, ratio) = name_of(model, "jnt", other) if other >= 0 else "", numbers[:2]
         driven = other >= 0 and at_joint(model, model.eq_obj1id[each]) and not at_joint(model, other)
-        if driven and ratio and leader not in mimics:  # MuJoCo's ties bind both: what is driven leads
+        # MuJoCo's ties bind both: what is driven leads
+        if driven and ratio and leader not in mimics:
             name, leader, offset, ratio = leader, name, -offset / ratio, 1.0 / ratio
         mimics[name] = Mimic(leader, ratio, offset)
     return mimics
@@ -452,7 +454,8 @@ def _loop_faults(model: MjModel, root: int) -> dict[str, frozenset[str]]:
         fault = f"equality[{each}] = {kinds.get(kind, 'of another kind')!r}: {allowed}"
         at_bodies = kind in kinds and model.eq_objtype[each] == mujoco.mjtObj.mjOBJ_BODY
         trees = set(model.body_rootid[list(ends)].tolist()) if at_bodies else set()
-        if not at_bodies or (root and root in trees and len(trees) > 1):  # it holds the vehicle to its world
+        # it holds the vehicle to its world
+        if not at_bodies or (root and root in trees and len(trees) > 1):
             raise VehicleError(f"{fault}; must be left out of the file")
         first, second = (set(_up(model, body)) for body in ends)
         faults[fault] = frozenset(name_of(model, "jnt", j) for body in first ^ second for j in _joints(model, body))

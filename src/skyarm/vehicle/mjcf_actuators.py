@@ -48,7 +48,8 @@ def bias_of(model: Any, actuator: int) -> Array:
 
 def is_plain(model: Any, actuator: int) -> bool:
     """True if an actuator's force is a number times its control."""
-    alone = model.actuator_plugin[actuator] < 0  # a plugin's force follows from none of the model's numbers
+    # a plugin's force follows from none of the model's numbers
+    alone = model.actuator_plugin[actuator] < 0
     return alone and model.actuator_gaintype[actuator] == FIXED and not bias_of(model, actuator).any()
 
 

@@ -60,7 +60,8 @@ def immobile(vehicle: Linkage) -> tuple[str, tuple[float, ...]] | None:
         return None
     for turn in range(3):
         joints = _joint_values(vehicle, turn)
-        with np.errstate(all="ignore"):  # absurd masses overflow; their flight ends as diverged
+        # absurd masses overflow; their flight ends as diverged
+        with np.errstate(all="ignore"):
             field = _eliminate(vehicle, joints)
         if field:
             return field, joints
@@ -111,7 +112,8 @@ def _eliminate(vehicle: Linkage, joints: Sequence[float]) -> str:
     for k in reversed(range(6, len(M))):
         joint = vehicle.links[k - 6].joint
         size = float(joint.armature)
-        for inertia, columns in zip(inertias, J, strict=True):  # of which rounding leaves a share
+        # of which rounding leaves a share
+        for inertia, columns in zip(inertias, J, strict=True):
             turn, slide = columns[:3, k], columns[3:, k]
             size += np.trace(inertia[:3, :3]) * (turn @ turn) + inertia[3, 3] * (slide @ slide)
         if not moved[k] > SINGULAR * size or not M[k, k] > SINGULAR * moved[k]:

@@ -86,7 +86,8 @@ def _text(file: str, vehicle: Vehicle, bodies: RigidBodies | None, tip: str) -> 
         rotor = re.match(r'\[\[rotors]]\nname = "(.*)"', block)
         for field, gap in (own.get(rotor[1], {}) if rotor else gaps if block.startswith("[rotor_d") else {}).items():
             line, comment = rf"^{field} = .*", f"# {field} = ...  # missing: {gap}"
-            if inner := field.partition(".")[2]:  # an entry of tilt = {...} behind its axis: left out
+            # an entry of tilt = {...} behind its axis: left out
+            if inner := field.partition(".")[2]:
                 line, comment = rf"^(tilt = .*), {inner} = -?1\.0\b(.*)", rf"\1\2  # missing: {gap}"
             blocks[k] = re.sub(line, comment, blocks[k], flags=re.MULTILINE)
         if rotor[1] in most if rotor else len(most) == len(own):

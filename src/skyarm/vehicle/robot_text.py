@@ -107,7 +107,8 @@ def _pieces(vehicle: Vehicle, *, one_space: bool) -> list[_Piece]:
     pieces = [_Piece(names[-1], body=base)]
     for name, joint, link in zip(names, list(joints), vehicle.moving, strict=False):
         at, follower = link.joint, followers.get(link.name)
-        pose = names[link.parent], joint, at.position, at.rotation  # BASE is the last name
+        # BASE is the last name
+        pose = names[link.parent], joint, at.position, at.rotation
         pieces.append(_Piece(name, *pose, link.body, at, follower))
     hubs = [
         Frame(name=each.name, link=BASE, position=each.position, rotation=_upright(each)) for each in vehicle.rotors

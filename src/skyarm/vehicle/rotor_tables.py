@@ -295,7 +295,8 @@ def _rotor(bodies: RigidBodies, origin: StatedRotor, values: Values) -> Rotor:
     values = whole_values(values)
     link = values.pop("link", None)
     seat = place_in(bodies, link or origin.link, f"{where}.link")
-    of_base = place_in(bodies, link or "base", f"{where}.link")  # what the vehicle file states itself
+    # what the vehicle file states itself
+    of_base = place_in(bodies, link or "base", f"{where}.link")
     if seat.link != BASE:
         refuse(
             f"{where}.link",

@@ -99,7 +99,8 @@ def _vehicle(path: Path, base: str, notes: Notes) -> tuple[ET.Element, _Scope]:
     names = [each.get("name") for each, _ in chosen or models]
     if base and not chosen:
         refuse("base", base, f"must be one of {', '.join(map(str, names))}{missing}")
-    if len(chosen) != 1 or (missing and not base and not moving):  # a model that is missing, and not the ground
+    # a model that is missing, and not the ground
+    if len(chosen) != 1 or (missing and not base and not moving):
         cure = 'a TOML file with sdf = "FILE" and base = "NAME" names it'
         refuse("models", names, f"must be one, the vehicle; {cure}{missing}")
     start, around = _inner(chosen[0][0], "pose").get("relative_to", ""), [each for each, _ in models]
@@ -131,7 +132,8 @@ def _read_include(include: ET.Element, scope: _Scope) -> tuple[ET.Element, _Scop
             refuse("sdf", "no <model>", "must have one")
     for word in ("name", "placement_frame"):
         model.set(word, text_of(include, word) or model.get(word, ""))
-    model[:0] = [*include.findall("pose"), *include.findall("static")]  # the first one counts
+    # the first one counts
+    model[:0] = [*include.findall("pose"), *include.findall("static")]
     model.extend(include.findall("plugin"))
     return model, replace(scope, file=file, version=inside.version)
 

@@ -181,7 +181,8 @@ def _constant_value(joint: ET.Element, file: _File, mimic: str, notes: Notes) ->
 def _read_elements(robot: ET.Element) -> _File:
     links, joints = _by_name(robot, "link"), _by_name(robot, "joint")
     if "world" not in links and any(joint.find("parent[@link='world']") is not None for joint in joints.values()):
-        links = {"world": ET.Element("link", name="world"), **links}  # simulators define it
+        # simulators define it
+        links = {"world": ET.Element("link", name="world"), **links}
     return _File(links, joints, _joints_above(links, joints), read_mimics(joints))
 
 
@@ -388,7 +389,8 @@ def looks_of(link: ET.Element, urdf: Path, notes: Notes) -> list[Look]:
                 why = "is not there" if file is None else "is no .stl"
                 notes.add(f"a mesh file {why}; it is drawn from its joints", name, "link")
                 continue
-            try:  # a picture that cannot be drawn changes nothing of how the vehicle flies
+            try:
+                # a picture that cannot be drawn changes nothing of how the vehicle flies
                 rotation, position = origin_of(visual, field)
                 if max(map(abs, position)) > FARTHEST:
                     refuse(f"{field}.origin.xyz", list(position), f"must be within {FARTHEST:g} m")

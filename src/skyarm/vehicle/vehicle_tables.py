@@ -306,7 +306,8 @@ def _override_joints(
 ) -> RigidBodies:
     """Override joint limits and friction of bodies that come from another file; check which joints are held where."""
     ends = {link.joint.name: link.joint.ends for link in bodies.links if link.joint.name not in own}
-    only_held = {name: (0.0, 0.0) for joints in bodies.faults.values() for name in joints}  # ball joints
+    # ball joints
+    only_held = {name: (0.0, 0.0) for joints in bodies.faults.values() for name in joints}
     for name, value in held.items():
         low, high = (only_held | ends).get(name, (value, value))
         if not low <= value <= high:

@@ -34,7 +34,8 @@ class _Arguments(dict[str, str]):
         self.asked[name] = None
         return super().__getitem__(name)
 
-    def __missing__(self, name: str) -> str:  # goes on behind an argument that nobody gave, to find all of them
+    # goes on behind an argument that nobody gave, to find all of them
+    def __missing__(self, name: str) -> str:
         self[name] = GUESS
         return GUESS
 
@@ -62,7 +63,8 @@ def expand_xacro(path: Path, arguments: Mapping[str, str]) -> bytes:
     fault = expanded = ""
     try:
         expanded = xacro.process_file(str(path), mappings=given).toxml()
-    except Exception as error:  # of its macros, its expressions and the files that it includes
+    except Exception as error:
+        # of its macros, its expressions and the files that it includes
         fault = str(error)
     if missing := [name for name, value in given.items() if value is GUESS]:
         fault = f"arguments {', '.join(missing)} are missing"

@@ -44,7 +44,8 @@ def parse_xml(text: bytes, note: Callable[[str], None] = _refuse) -> ET.Element:
         VehicleError: without the file's name, which the caller adds.
     """
     text = text.lstrip()
-    if declared := ENCODING.match(text):  # expat knows none of several bytes, such as GB2312
+    # expat knows none of several bytes, such as GB2312
+    if declared := ENCODING.match(text):
         try:
             text = text.decode(declared[1].decode()).encode()
         except (LookupError, UnicodeError) as error:
@@ -52,7 +53,8 @@ def parse_xml(text: bytes, note: Callable[[str], None] = _refuse) -> ET.Element:
     plain = MARKUP.sub(_plain_comment, text)
     if plain != text:
         note("'--' inside a comment: forgiven")
-    for separator in (" ", None):  # first as prefixes ought to be, then as names that hold them
+    # first as prefixes ought to be, then as names that hold them
+    for separator in (" ", None):
         tree = ET.TreeBuilder()
         parser = expat.ParserCreate("utf-8" if declared else None, separator)
         parser.StartElementHandler, parser.EndElementHandler = tree.start, tree.end

@@ -38,7 +38,8 @@ def test_layout_is_the_documented_one():
     for j in range(4):
         w = python_philox((j // 2, step, channel, episode), (0x89ABCDEF, 0x01234567))
         low, high = (w[0], w[1]) if j % 2 == 0 else (w[2], w[3])
-        assert drawn[j] == (2 * ((high * 2**32 + low) >> 12) + 1) / 2**53  # exact: no tolerance
+        # exact: no tolerance
+        assert drawn[j] == (2 * ((high * 2**32 + low) >> 12) + 1) / 2**53
     a, b = drawn[:2]
     first, second = philox.normal(seed, episode, channel, step, 2)
     radius = math.sqrt(-2.0 * math.log(a))
@@ -95,7 +96,8 @@ def test_seed_episode_channel_step_and_index_are_independent():
     for name, other in others.items():
         for a, b in ((base[:, 0], other), (base[:, 0] ** 2 - 1.0, other**2 - 1.0)):
             correlation = np.mean(a * b) / (np.std(a) * np.std(b))
-            assert abs(correlation) < 4.5 / math.sqrt(n), name  # 4.5 sigma of the estimate
+            # 4.5 sigma of the estimate
+            assert abs(correlation) < 4.5 / math.sqrt(n), name
 
 
 @pytest.mark.parametrize(

@@ -33,7 +33,8 @@ def inputs(vehicle: str, count: int = 20, seed: int = 5, preview: int = 0):
 
 def held_inputs(loaded, count: int, seed: int):
     drawn = [*cases(count, seed, joints=loaded.n), hovering(joints=(0.0,) * loaded.n)]
-    drawn.append(changed(drawn[-1], a_d=(0.0, 0.0, -G)))  # no commanded force: the guarded case
+    # no commanded force: the guarded case
+    drawn.append(changed(drawn[-1], a_d=(0.0, 0.0, -G)))
     for case in drawn:
         measurement = dataclasses.replace(case.measurement(), rotor_speeds=(480.0,) * len(loaded.rotors))
         yield measurement, case.reference()

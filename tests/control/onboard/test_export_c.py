@@ -135,7 +135,8 @@ def test_parameters_may_change_at_run_time_and_the_defaults_stay(tmp_path):
         mixer=dataclasses.replace(par.mixer, inverse=tuple(map(tuple, mixer))),
     )
     heavier = dataclasses.replace(controller, par=changed_par)
-    for pair in list(inputs("hummingbird_arm2"))[:-1]:  # the last asks for nothing, whatever the parameters
+    # the last asks for nothing, whatever the parameters
+    for pair in list(inputs("hummingbird_arm2"))[:-1]:
         assert same_bits(in_c(*pair, own), expected(heavier, *pair))
         assert same_bits(in_c(*pair), expected(controller, *pair))
         assert not same_bits(in_c(*pair, own), in_c(*pair))
@@ -158,7 +159,8 @@ def test_a_nan_goes_where_it_goes_in_python(tmp_path, name):
         spoilt += any(np.isnan(found))
         if 1 <= i <= 7:  # position and quaternion reach every rotor
             assert np.isnan(found[:4]).all()
-    assert spoilt >= 13 + 7  # pose, velocities; position, velocity and heading of the reference
+    # pose, velocities; position, velocity and heading of the reference
+    assert spoilt >= 13 + 7
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True, slots=True)

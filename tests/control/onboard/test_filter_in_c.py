@@ -85,7 +85,8 @@ def test_the_filter_starts_when_every_reading_has_come_and_hovers_until_then(tmp
     assert in_c(readings, reference) != hover
     assert in_c.memory.estimate_started == 1.0
     assert [*in_c.memory.estimate_belief_quaternion] == pytest.approx([*readings.pose.quaternion])
-    for i in range(1, 6):  # poses of NaN are refused: the command shows none of them, the memory does
+    # poses of NaN are refused: the command shows none of them, the memory does
+    for i in range(1, 6):
         time = {"time": readings.imu.time + 0.005 * i}
         lost = dataclasses.replace(nan.pose, **time), dataclasses.replace(readings.imu, **time)
         assert np.isfinite(in_c(dataclasses.replace(readings, pose=lost[0], imu=lost[1]), reference)).all()

@@ -24,7 +24,8 @@ def test_a_resting_joint_gets_what_is_commanded():
 def test_the_command_is_limited_on_both_sides_before_friction():
     assert joint_force(JOINT, 7.0, 0.0) == 0.5
     assert joint_force(JOINT, -7.0, 0.0) == -0.5
-    assert joint_force(JOINT, 7.0, -1.0) > 0.5  # friction is no part of what the drive must give
+    # friction is no part of what the drive must give
+    assert joint_force(JOINT, 7.0, -1.0) > 0.5
 
 
 def test_friction_by_hand():

@@ -96,7 +96,8 @@ def test_hub_drag_is_against_the_motion_in_the_plane_of_the_rotor():
     force = rotor_force(ROTOR, 492.2, Vec3(2.0, -1.0, 5.0))
     c = 8.06428e-5 * 492.2
     np.testing.assert_allclose(array(force.force)[:2], [-2.0 * c, 1.0 * c], rtol=1e-14)
-    assert force.force.z == pytest.approx(8.54858e-6 * 492.2**2, rel=1e-14)  # no loss of thrust in climb
+    # no loss of thrust in climb
+    assert force.force.z == pytest.approx(8.54858e-6 * 492.2**2, rel=1e-14)
 
 
 def test_hub_drag_in_two_metres_per_second_of_wind_is_that_of_the_spec():

@@ -53,7 +53,8 @@ def test_thrust_then_yaw_are_as_near_as_linear_programs_find(name, slack):
         torque = RNG.normal(size=3) * [0.5, 0.5, 0.1]
         thrust = RNG.uniform(0.5, 4.0 * K_F * TOP)
         best = programs(vehicle, torque, thrust, slack)
-        if best is None:  # roll and pitch alone are too much: their share is the other mixer's test
+        # roll and pitch alone are too much: their share is the other mixer's test
+        if best is None:
             continue
         found = kept(vehicle, torque, thrust, slack)
         assert found[:2] == pytest.approx(torque[:2], abs=1e-7)

@@ -45,7 +45,8 @@ def test_mass_rate_is_the_partials_times_the_rates():
     for q, qd in zip(Q, QD, strict=True):
         expected = np.einsum("kij,k->ij", el.mass_matrix_derivative(q), qd)
         found = np.array(coriolis.mass_rate(el.TABLE_1, list(q), list(qd)), dtype=float)
-        np.testing.assert_allclose(found, expected, atol=2e-9)  # central difference of step 6e-6
+        # central difference of step 6e-6
+        np.testing.assert_allclose(found, expected, atol=2e-9)
 
 
 def test_numeric_c_as_published_is_within_1e_7_of_the_analytic_one():

@@ -117,7 +117,8 @@ def test_structural_zeros_of_the_planar_arm_stay_structural():
     assert type(M[3][7]) is int
     partials = mass_derivative.mass_matrix_partials(el.TABLE_1, q)
     assert all(type(value) is int for k in range(3) for row in partials[k] for value in row)
-    assert all(type(partials[5][i][j]) is int for i in range(3, 8) for j in range(3, 8))  # yaw turns only M_tr and M_te
+    # yaw turns only M_tr and M_te
+    assert all(type(partials[5][i][j]) is int for i in range(3, 8) for j in range(3, 8))
 
 
 def test_operation_counts_do_not_grow():

@@ -115,7 +115,8 @@ def main():
         sys.exit("no such luck")
     starts = pathlib.Path(__file__).with_name("starts")
     starts.write_text(starts.read_text() + "x" if starts.exists() else "x")
-    if way == "drowsy" and len(starts.read_text()) in (1, 3):  # of the console first, then of the flight
+    # of the console first, then of the flight
+    if way == "drowsy" and len(starts.read_text()) in (1, 3):
         console(lambda peer: time.sleep(20.0))
     if way == "deaf":  # longer than its peer waits
         time.sleep(20.0)

@@ -67,7 +67,8 @@ def test_signs_of_angles_for_a_goal_ahead_and_a_goal_to_the_left():
     left = control.command(ORIGIN, ORIGIN, LEVEL, goal((0.0, 0.1, 0.0)), 0.002, flying=False)
     assert left.roll < 0.0
     assert left.pitch == 0.0
-    turned = wxyz(Rotation.from_euler("Z", math.pi / 2))  # the same goal lies ahead of a vehicle that looks left
+    # the same goal lies ahead of a vehicle that looks left
+    turned = wxyz(Rotation.from_euler("Z", math.pi / 2))
     assert control.command(ORIGIN, ORIGIN, turned, goal((0.0, 0.1, 0.0), yaw=1.6), 0.002, flying=False).pitch > 0.0
 
 

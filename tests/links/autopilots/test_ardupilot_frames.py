@@ -183,7 +183,8 @@ def test_a_full_command_makes_this_torque(name):
 def test_the_gains_turn_a_rate_error_into_bandwidth_times_it(name):
     vehicle = skyarm.load_vehicle(name)
     gains, torque = rate_gains(vehicle), torque_of_signal(vehicle)
-    inertia = np.sqrt(np.prod(inertias(vehicle), axis=0))  # with limp and with locked joints
+    # with limp and with locked joints
+    inertia = np.sqrt(np.prod(inertias(vehicle), axis=0))
     slowest = max(rotor.time_constant_up for rotor in vehicle.rotors)
     rows = zip(("RLL", "PIT", "YAW"), inertia, torque, (18, 18, 6), strict=True)
     for axis, J, full, most in rows:

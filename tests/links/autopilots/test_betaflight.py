@@ -83,7 +83,8 @@ def test_limp_and_locked_inertia_by_adding_up_bodies(name):
     vehicle = load_vehicle(name)
     limp, locked = inertias(vehicle)
     assert (limp <= locked * (1.0 + 1e-9)).all()
-    if name == "hummingbird_arm2_rotors":  # hanging rods and a point, about the common centre of mass, by hand
+    # hanging rods and a point, about the common centre of mass, by hand
+    if name == "hummingbird_arm2_rotors":
         base = vehicle.base
         masses = [float(base.mass), 0.04, 0.04, 0.01]
         heights = [float(base.com.z), -0.075, -0.225, -0.3]
@@ -107,7 +108,8 @@ def test_gains_give_the_bandwidth_by_betaflights_units(name):
     hover = brentq(lambda t: thrusts(t * mix[:, 0]).sum() - float(vehicle.mass) * GRAVITY, 0.01, 1.0)
     limp, locked = inertias(vehicle)
     for i, axis in enumerate(("roll", "pitch", "yaw")):
-        error = 0.02 * 180.0 / math.pi  # deg/s of a body that turns 0.02 rad/s too slowly
+        # deg/s of a body that turns 0.02 rad/s too slowly
+        error = 0.02 * 180.0 / math.pi
         signal = 0.032029 * gains[f"p_{axis}"] * error / 1000.0
         sign = -1.0 if axis == "yaw" else 1.0
         change = thrusts(hover * mix[:, 0] + sign * signal * mix[:, i + 1]) - thrusts(hover * mix[:, 0])
@@ -120,7 +122,8 @@ def test_gains_give_the_bandwidth_by_betaflights_units(name):
         slow = wanted * math.sqrt(limp[i] / locked[i])
         ratio = 0.244381 * gains[f"i_{axis}"] * (2.5 if axis == "yaw" else 1.0) / (0.032029 * gains[f"p_{axis}"])
         limited = gains[f"i_{axis}"] == 250.0
-        assert ratio == pytest.approx(slow / (4.0 if axis == "yaw" else 3.0), rel=0.15) or limited  # both rounded
+        # both rounded
+        assert ratio == pytest.approx(slow / (4.0 if axis == "yaw" else 3.0), rel=0.15) or limited
     assert min(gains.values()) >= 0.0
 
 
@@ -400,7 +403,8 @@ def test_motors_are_signals_from_zero_to_one_and_disarmed_ones_end_the_flight():
     link.following = True
     with pytest.raises(LinkError, match=r"Betaflight disarmed in flight$"):
         link._take(MOTORS.pack(4, *(1000.0,) * 4, *(0.0,) * 12))
-    link._late, link._armed = [0.34] * 400, True  # late by little delays that were never made up
+    # late by little delays that were never made up
+    link._late, link._armed = [0.34] * 400, True
     with pytest.raises(LinkError, match=r"Betaflight disarmed in flight$"):
         link._take(MOTORS.pack(4, *(1000.0,) * 4, *(0.0,) * 12))
     link._tape.plays, link._armed = False, True
@@ -542,7 +546,8 @@ def test_a_halt_is_no_silence():
 
     link._guard = Woken()
     link._pace()
-    link._check_alive(time.monotonic())  # 100 s ago it was halted; the silence begins now
+    # 100 s ago it was halted; the silence begins now
+    link._check_alive(time.monotonic())
     link._silent_since = time.monotonic() - 1.0
     with pytest.raises(LinkError, match=r"no motors for 0\.5 s"):
         link._check_alive(time.monotonic())

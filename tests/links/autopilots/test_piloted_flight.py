@@ -407,7 +407,8 @@ def test_the_exchange_goes_on_in_time_at_the_hand_over_and_ends_with_the_flight(
     log = session.run()
     assert log.status == "completed"
     assert not session.step()
-    assert (len(log.time), len(link.seen), link.closed) == (10, begun + 9, 1)  # the last period asks for nothing
+    # the last period asks for nothing
+    assert (len(log.time), len(link.seen), link.closed) == (10, begun + 9, 1)
     times = np.array([now.time for now, _ in link.seen])
     np.testing.assert_allclose(times, np.arange(len(times)) / 200.0, atol=1e-9)
     for now, _ in link.seen:  # 100 Hz

@@ -74,7 +74,8 @@ def test_the_stand_in_takes_off_and_hovers_where_the_reference_is(tmp_path: Path
         *rising, last = TOLD
         assert rising == [(float(second), 120.0) for second in range(1, len(TOLD))]
         assert last == (facts["prepared_s"],) * 2
-        assert facts["steps"] == len(log.time) + 250 * facts["prepared_s"] - 1  # the last period asks for nothing
+        # the last period asks for nothing
+        assert facts["steps"] == len(log.time) + 250 * facts["prepared_s"] - 1
 
 
 def test_a_hexarotor_with_a_users_parameters_flies_and_refuses_a_second_connection(
@@ -225,7 +226,8 @@ STREAM, DATAGRAM = socket.SOCK_STREAM, socket.SOCK_DGRAM
 def test_taken_ports_are_named(kind: int, first: int) -> None:
     number = free_instance()
     with socket.socket(socket.AF_INET, kind) as other:
-        other.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, kind == STREAM)  # after a flight of another test
+        # after a flight of another test
+        other.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, kind == STREAM)
         other.bind(("127.0.0.1", first + number))
         if kind == STREAM:
             other.listen(1)
@@ -311,7 +313,8 @@ class Peer:
         self.fly(1)
         self.say("HEARTBEAT", type=2, autopilot=12)
         self.say("ESTIMATOR_STATUS", flags=7)
-        self.say("LOCAL_POSITION_NED", x=11.0, y=-22.0, z=-33.0)  # where we read 1, 2, 3: so 10, 20, 30 away
+        # where we read 1, 2, 3: so 10, 20, 30 away
+        self.say("LOCAL_POSITION_NED", x=11.0, y=-22.0, z=-33.0)
         self.fly(steps)
 
 
@@ -323,7 +326,8 @@ def test_set_points_are_north_east_down_about_the_origin_of_px4(tmp_path: Path) 
     place = [sent[f] for f in ("x", "y", "z", "vx", "vy", "vz", "afx", "afy", "afz", "yaw")]
     expected = [0.5 + 10, -(-0.3 + 20), -(1.5 + 30), 0.1, -0.2, -0.3, 0.4, -0.5, -0.6, -0.7]
     assert place == pytest.approx(expected, rel=1e-6)
-    assert sent["type_mask"] == 0b100000000000  # position, velocity, acceleration and yaw count; the yaw rate does not
+    # position, velocity, acceleration and yaw count; the yaw rate does not
+    assert sent["type_mask"] == 0b100000000000
 
 
 def test_offboard_mode_is_asked_for_and_then_arming_at_whole_seconds(tmp_path: Path) -> None:
@@ -370,7 +374,8 @@ def test_the_flight_follows_once_it_is_armed_offboard_and_halfway_up(tmp_path: P
     peer.get_ready()
     peer.armed = True
     peer.say("HEARTBEAT", type=2, autopilot=12, custom_mode=6 << 16)
-    low, high = -(1.5 - 0.26 + 30), -(1.5 - 0.24 + 30)  # the stand is 0.5 m below the start, half of it 0.25 m
+    # the stand is 0.5 m below the start, half of it 0.25 m
+    low, high = -(1.5 - 0.26 + 30), -(1.5 - 0.24 + 30)
     peer.say("LOCAL_POSITION_NED", x=10.5, y=-19.7, z=low)
     peer.fly(3)
     assert not peer.link.following
@@ -493,7 +498,8 @@ def test_px4_is_released_in_hold_only_and_failsafes_are_counted_when_they_begin(
         link._leave()
 
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as link._udp:
-        for main, sub in ((6, 0), (4, 2), (4, 5), (4, 6)):  # offboard, take-off, return, landing
+        # offboard, take-off, return, landing
+        for main, sub in ((6, 0), (4, 2), (4, 5), (4, 6)):
             hear(main, sub)
             assert not link.released
         hear(4, 3)
@@ -526,6 +532,7 @@ def test_other_messages_than_the_answer_do_not_make_it_wait_for_ever(tmp_path: P
         peer.link._tcp = ours
         theirs.sendall(beat)
         late = time.monotonic() - 0.01
-        assert peer.link._read(late, False) == beat  # what came while we were away is read
+        # what came while we were away is read
+        assert peer.link._read(late, False) == beat
         theirs.sendall(beat)
         assert peer.link._read(late, True) == b""

@@ -42,7 +42,8 @@ def plant_torque(vehicle: Vehicle, thrusts: list[float]) -> np.ndarray:
     for rotor, thrust in zip(vehicle.rotors, thrusts, strict=True):
         force = thrust * np.array([float(c) for c in rotor.axis])
         total += np.cross(np.array([float(c) for c in rotor.position]) - com, force)
-        total -= float(rotor.direction) * float(rotor.moment_coefficient) * force  # a propeller's drag turns it back
+        # a propeller's drag turns it back
+        total -= float(rotor.direction) * float(rotor.moment_coefficient) * force
     return total
 
 
@@ -65,7 +66,8 @@ def test_a_torque_set_point_of_px4_is_the_same_torque_of_the_plant(name: str) ->
 
 
 def test_rotor_places_are_relative_to_the_centre_of_mass_in_axes_forward_right_down() -> None:
-    vehicle = skyarm.load_vehicle("hexarotor_arm6")  # its centre of mass is 1 cm ahead and 9 cm below the origin
+    # its centre of mass is 1 cm ahead and 9 cm below the origin
+    vehicle = skyarm.load_vehicle("hexarotor_arm6")
     com = center_of_mass(vehicle, (0, 0, 0), (1, 0, 0, 0), (0,) * vehicle.n)
     found = vehicle_parameters(vehicle, 9.81)
     for i, rotor in enumerate(vehicle.rotors):
@@ -80,7 +82,8 @@ def test_rotor_places_are_relative_to_the_centre_of_mass_in_axes_forward_right_d
 def test_the_moment_ratio_is_positive_for_a_rotor_that_turns_counter_clockwise() -> None:
     vehicle = skyarm.load_vehicle(PLUS)
     found = vehicle_parameters(vehicle, 9.81)
-    assert [math.copysign(1, found[f"CA_ROTOR{i}_KM"]) for i in range(4)] == [-1, 1, -1, 1]  # cw, ccw, cw, ccw
+    # cw, ccw, cw, ccw
+    assert [math.copysign(1, found[f"CA_ROTOR{i}_KM"]) for i in range(4)] == [-1, 1, -1, 1]
 
 
 def test_a_weaker_rotor_has_a_smaller_thrust_coefficient() -> None:
@@ -124,7 +127,8 @@ def test_the_rate_loop_has_the_bandwidth_between_a_locked_and_a_free_arm(name: s
     vehicle = skyarm.load_vehicle(name)
     gains = rate_gains(vehicle)
     for axis, letter in enumerate(("ROLL", "PITCH", "YAW")):
-        torque = gains[f"MC_{letter}RATE_P"] * torque_of_signal(vehicle)[axis]  # at a rate error of 1 rad/s
+        # at a rate error of 1 rad/s
+        torque = gains[f"MC_{letter}RATE_P"] * torque_of_signal(vehicle)[axis]
         force = np.zeros(6 + vehicle.n)
         force[3 + axis] = torque
         still = ((0, 0, 0), (1, 0, 0, 0), (0,) * vehicle.n, (0,) * (6 + vehicle.n))
@@ -182,7 +186,8 @@ def test_outer_gains_are_no_weaker_than_px4_s_own_where_the_rotors_allow() -> No
 def test_the_cascade_is_damped_whatever_the_rotors_lag(lag: float) -> None:
     poles = np.linalg.eigvals(cascade(of_lag(lag), lag)[0])
     assert (-poles.real / abs(poles)).min() > 0.4
-    fast = 0.8 if lag < 0.07 else 0.1  # rad/s of the slowest pole, that of the integral among them
+    # rad/s of the slowest pole, that of the integral among them
+    fast = 0.8 if lag < 0.07 else 0.1
     assert -poles.real.max() > fast * 0.25
 
 

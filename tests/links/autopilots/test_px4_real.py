@@ -37,7 +37,8 @@ HOVER_ERROR = {
     "hexarotor_arm6": 0.35,
     "hexarotor12_arm5": 0.35,
     "quadrotor_roll_arm2": 0.2,
-    "crazyflie_arm1": 0.5,  # the arm's weight over so small an inertia turns it by 18 degrees
+    # the arm's weight over so small an inertia turns it by 18 degrees
+    "crazyflie_arm1": 0.5,
 }
 """Largest distance from the set point with the arm swinging, m: half as much again as was measured."""
 

@@ -209,6 +209,7 @@ class DdsStandIn(StandIn):
         if taken and wants != self.offboard:
             self.offboard, self._since = wants, now if wants else np.inf
             self.modes.append("offboard" if wants else "hold")
-        self._say("vehicle_command_ack_v1", command=176, result=0, target_system=9)  # another program's
+        # another program's
+        self._say("vehicle_command_ack_v1", command=176, result=0, target_system=9)
         who = {"target_system": m.source_system, "target_component": m.source_component}
         self._say("vehicle_command_ack_v1", command=176, result=0 if taken else 1, **who)

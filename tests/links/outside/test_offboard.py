@@ -119,7 +119,8 @@ def test_set_points_go_only_beside_heartbeats_and_end_with_the_flight(scenario):
     assert log.status == "completed"
     assert {"HEARTBEAT", "TIMESYNC", "SET_ATTITUDE_TARGET", "COMMAND_LONG"} <= {*peer.seen}
     last = len(peer.seen) - 1 - peer.seen[::-1].index("SET_ATTITUDE_TARGET")
-    assert "COMMAND_LONG" in peer.seen[last:]  # hold is asked for after the last set point
+    # hold is asked for after the last set point
+    assert "COMMAND_LONG" in peer.seen[last:]
     gaps = np.diff(peer.setpoints)
     assert 100.0 < len(gaps) / (peer.setpoints[-1] - peer.setpoints[0]) <= 260.0
 
@@ -143,7 +144,8 @@ def test_a_fault_ends_the_flight_with_its_log(scenario, fault, status, cause):
     log, peer = flown(scenario(3.0), **fault)
     assert (log.status, log.info["cause"]) == (status, cause)
     assert 0.3 < log.time[-1] < 1.5
-    if fault.keys() & {"leaves_at"}:  # a vehicle that left the mode is not asked to come back
+    # a vehicle that left the mode is not asked to come back
+    if fault.keys() & {"leaves_at"}:
         assert (peer.modes, peer.asked) == (["offboard", "left"], ["offboard"])
     # nothing is sent to a vehicle that is no longer ours
     count = len(peer.setpoints)
@@ -211,7 +213,8 @@ def test_a_law_that_needs_none_flies_without_an_accelerometer(scenario):
 
 
 def test_a_vehicle_far_from_its_reference_is_handed_back(scenario):
-    settings = dataclasses.replace(SETTINGS, hover_share=0.9, leash=0.3)  # far too much: it climbs
+    # far too much: it climbs
+    settings = dataclasses.replace(SETTINGS, hover_share=0.9, leash=0.3)
     log, peer = flown(scenario(5.0), settings)
     assert log.status == "diverged"
     assert "m from its reference" in log.info["cause"]

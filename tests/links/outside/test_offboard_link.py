@@ -189,7 +189,8 @@ def test_an_attitude_carries_the_place_on(link, peer):
     assert state.rate.x == 1.0
     peer.odometry(5.012)  # only a place, while attitudes come
     assert link.take() is None
-    peer.say("ATTITUDE_QUATERNION", time_boot_ms=5300, **names)  # the place is too old for it
+    # the place is too old for it
+    peer.say("ATTITUDE_QUATERNION", time_boot_ms=5300, **names)
     assert link.take() is None
 
 

@@ -128,7 +128,8 @@ def test_every_type_has_the_name_and_the_bytes_of_ros_2(node, kind):
     assert made.__idl_typename__.replace(".", "::") == f"{package}::msg::dds_::{name}_"
     whole = encode(kind, DEFINITIONS, {}, 1)[0].tobytes()
     made.__idl__.populate()
-    read = made.__idl__.deserialize(whole)  # cyclonedds's own decoder takes it to the end
+    # cyclonedds's own decoder takes it to the end
+    read = made.__idl__.deserialize(whole)
     assert bytes(made.__idl__.serialize(read, use_version_2=False)) == whole
 
 

@@ -87,7 +87,8 @@ def test_the_tip_s_error_is_that_across_the_normal_once_it_touches(pushed):
 
 
 def test_across_is_across_any_normal():
-    normal, across = np.array([0.48, -0.6, 0.64]), np.array([0.6, 0.0, -0.45])  # perpendicular, 0.75 long
+    # perpendicular, 0.75 long
+    normal, across = np.array([0.48, -0.6, 0.64]), np.array([0.6, 0.0, -0.45])
     tool = Vec3(*(0.5 * normal + 0.004 * across).tolist())
     push = (1.0, 0.1, *normal.tolist())
     flown = [dataclasses.replace(instant(k, 0.0 if k < 5 else 1.0, tool=tool), push=push) for k in range(40)]

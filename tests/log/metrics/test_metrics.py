@@ -311,7 +311,8 @@ def test_the_desired_tool_is_that_of_a_level_base_with_the_desired_heading(yaw: 
 
 def test_the_tool_follows_the_tilt_of_the_base() -> None:
     half = 0.2 / 2.0
-    quaternion = np.array([[math.cos(half), 0.0, math.sin(half), 0.0]]) * 1.0001  # RK4 keeps no length exactly
+    # RK4 keeps no length exactly
+    quaternion = np.array([[math.cos(half), 0.0, math.sin(half), 0.0]]) * 1.0001
     found = tip(two_links(), np.zeros((1, 3)), quaternion, np.zeros((1, 2)))
     # the tip at (0.1, 0, -0.3) turned by 0.2 rad about +y
     expected = [0.1 * math.cos(0.2) - 0.3 * math.sin(0.2), 0.0, -0.1 * math.sin(0.2) - 0.3 * math.cos(0.2)]

@@ -52,7 +52,8 @@ def test_names_are_written_out_for_each_vehicle_or_for_the_one_that_is_named() -
     assert row_names(["right/efforts", "mechanism_last"], ARMS) == ("mechanism_last", "right/tau1_rms")
     assert row_names(["tilt_max", "left/tilt_max"], ARMS) == ("left/tilt_max", "right/tilt_max")
     written = row_names(["standard", "contact"], ARMS)
-    assert row_names(written, ARMS) == written  # what stands in a file of rows means the same again
+    # what stands in a file of rows means the same again
+    assert row_names(written, ARMS) == written
     assert names_by_agent(["efforts"], {SOLE: (False,)}) == {SOLE: {"tau1_rms": "tau1_rms"}}
 
 

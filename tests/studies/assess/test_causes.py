@@ -33,7 +33,8 @@ FOLLOWING = [
     ("mass", Concern.ARM_LOADING),
 ]
 APART = [
-    (Concern.BALANCE, Concern.LOADED_LIFT),  # a load at the tip tells nothing of the vehicle without it
+    # a load at the tip tells nothing of the vehicle without it
+    (Concern.BALANCE, Concern.LOADED_LIFT),
     (Concern.LIFT, Concern.SENSES),  # which change no thrust
     (Concern.STATIC_EFFORT, "base.mass"),
     (Concern.CLEARANCE, "rotors[].position"),

@@ -92,7 +92,8 @@ def test_a_payload_is_picked_where_the_reference_comes_to_its_place():
     beside = Reach(within=0.1, of=Vec3(-0.3, 0.0, 0.7))
     placed = dataclasses.replace(scenario, payloads=(TimedPayload(mass=0.1, pick_place=beside),))
     (_, held) = flight_parts(placed)
-    angle = 2.0 * math.pi * 0.08 * (held.start - 6.0)  # of the circle of 0.3 m, and half a turn to the other side
+    # of the circle of 0.3 m, and half a turn to the other side
+    angle = 2.0 * math.pi * 0.08 * (held.start - 6.0)
     assert 0.75 * math.pi < angle < math.pi
     never = dataclasses.replace(
         placed, payloads=(TimedPayload(mass=0.1, pick_place=Reach(within=0.1, of=Vec3(9, 9, 9))),)

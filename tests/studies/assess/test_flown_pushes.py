@@ -123,7 +123,8 @@ def test_a_force_is_held_within_a_twentieth_in_all_flights_or_the_largest_is_nam
     one_bad = np.full((4, 8), 0.02)
     one_bad[3, 0] = np.nan
     assert [judged(monkeypatch, [0.01, 0.01, 0.01, last]).level for last in (0.049, 0.051)] == [OK, FAULT]
-    assert judged(monkeypatch, one_bad).level == FAULT  # a flight that meets nothing holds nothing
+    # a flight that meets nothing holds nothing
+    assert judged(monkeypatch, one_bad).level == FAULT
     early = judged(monkeypatch, [0.01] * 4, [(3, 5)])
     assert early.level == FAULT
     assert early.text.startswith("1.2 N are 1 % off in flights with 8 noises, of which 1 end early")

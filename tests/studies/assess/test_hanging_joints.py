@@ -98,8 +98,10 @@ def test_a_slung_load_hovers_and_is_turned_as_if_it_gave_way(folder):
     # four rotors of 1.7e-5 N s^2 at 900 rad/s against the weight of 2.81 kg
     assert margin.value == pytest.approx(4.0 * 1.7e-5 * 900.0**2 / (2.81 * 9.81), rel=1e-9)
     inertia = locked_inertia(vehicle, np.zeros((1, 2)))[0]
-    assert inertia[1, 1] == pytest.approx(0.02, rel=1e-6)  # the hinges lie in the base's own centre
-    assert inertia[2, 2] == pytest.approx(0.035 + 1e-3, rel=1e-6)  # no hinge gives way about z
+    # the hinges lie in the base's own centre
+    assert inertia[1, 1] == pytest.approx(0.02, rel=1e-6)
+    # no hinge gives way about z
+    assert inertia[2, 2] == pytest.approx(0.035 + 1e-3, rel=1e-6)
 
 
 LIMITS = (

@@ -49,11 +49,14 @@ def test_places_of_rotors(tmp_path, count):
     "parts",
     [
         [spun(f"x{k}", place) for k, place in enumerate(ASIDE)],  # fans at one side
-        [spun(f"x{k}", place, axis="0 1 0") for k, place in enumerate(AROUND)],  # wheels
-        [spun(f"x{k}", place, mass=0.02 + 0.01 * k) for k, place in enumerate(AROUND)],  # not alike
+        # wheels
+        [spun(f"x{k}", place, axis="0 1 0") for k, place in enumerate(AROUND)],
+        # not alike
+        [spun(f"x{k}", place, mass=0.02 + 0.01 * k) for k, place in enumerate(AROUND)],
         [spun(f"x{k}", place) for k, place in enumerate(AROUND[::2])],  # two arms
         [spun("rotor", (0.1, 0.0))],  # one of them
-        [spun("motor_1", (0.1, 0)), spun("motor_2", (0, 0), "motor_1"), spun("motor_3", (0, 0), "motor_2")],  # an arm
+        # an arm
+        [spun("motor_1", (0.1, 0)), spun("motor_2", (0, 0), "motor_1"), spun("motor_3", (0, 0), "motor_2")],
         [
             link("motor_1"),
             joint("j", "hull", "motor_1", limits()),

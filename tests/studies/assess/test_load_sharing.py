@@ -144,7 +144,8 @@ def test_a_cable_that_would_have_to_push_hangs_slack() -> None:
     one_side = with_object(team("cables"), com=Vec3(0.0, 0.25, 0.0))
     ours = only(one_side)
     assert ours.remarks == ("cable right_bar would have to push: it hangs slack",)
-    assert ours.departure.startswith("tips about grasp left_bar by 81 degrees")  # 0.06 beside, 0.0097 below
+    # 0.06 beside, 0.0097 below
+    assert ours.departure.startswith("tips about grasp left_bar by 81 degrees")
     assert [ours.share("left"), ours.share("right")] == pytest.approx([BAR, 0.0], abs=1e-9)
 
 
@@ -200,7 +201,8 @@ def test_a_body_that_touches_a_surface_is_said_and_shared_as_if_lifted() -> None
     table = Surface(name="table", shape="plane", position=Vec3(0.0, 0.0, 0.9903 - 0.0138))
     (found,) = balance_of_bodies(balances(with_world(team("bar"), surfaces=(table,))))
     assert (found.level, found.text) == ("note", "touches table at the start: its shares are those once it is lifted")
-    foot = ContactPoint(name="foot", frame="grip", agent="left")  # in the bar, which it holds
+    # in the bar, which it holds
+    foot = ContactPoint(name="foot", frame="grip", agent="left")
     assert only(with_world(team("bar"), points=(foot,))).remarks == ()
     assert only(with_world(team("bar"), surfaces=(table,))).share("left") == pytest.approx(BAR / 2, abs=1e-9)
 
@@ -293,7 +295,8 @@ def test_joint_efforts_under_a_share_are_those_of_its_moment(arms: Scenario) -> 
 
 
 def test_findings_of_each_vehicle_are_under_its_name(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(assessment, "delay_margin", lambda _: [])  # which takes a second each
+    # which takes a second each
+    monkeypatch.setattr(assessment, "delay_margin", lambda _: [])
     found = assessment.assess_scenario(team("triangle"), poses=4)
     assert list(found.agents) == ["right", "front", "left"]
     share = {name: next(f for f in each.findings if f.question == "load share") for name, each in found.agents.items()}
@@ -364,7 +367,8 @@ def test_a_carried_share_counts_along_the_reference_from_lift_to_place_as_in_fli
     log = skyarm.run(scenario)
     for name in scenario.agents:
         demand, flown = along(scenario, name).demand, log.agents[name]
-        for t in (1.0, 6.0, 10.0, 14.0, 21.5):  # at rest: empty, then with the bar, then empty
+        # at rest: empty, then with the bar, then empty
+        for t in (1.0, 6.0, 10.0, 14.0, 21.5):
             planned, given = demand.efforts[:, np.argmin(np.abs(demand.time - t))], np.searchsorted(log.time, t)
             assert planned == pytest.approx(flown.efforts[given], abs=0.05), f"{name} at {t} s"
         empty, loaded = (abs(demand.efforts[1, np.argmin(np.abs(demand.time - t))]) for t in (1.0, 10.0))

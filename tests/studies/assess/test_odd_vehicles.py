@@ -142,7 +142,8 @@ def test_reversible_rotors_that_hover_forwards_fly():
 
 
 def test_thrusts_that_cancel_are_a_matter_of_axes_and_not_of_units():
-    found = assess_vehicle(with_rotors([DOWN, {}, {}, DOWN]), poses=FEW)  # by symmetry no thrust is left
+    # by symmetry no thrust is left
+    found = assess_vehicle(with_rotors([DOWN, {}, {}, DOWN]), poses=FEW)
     assert {each.question for each in found.alarms()} == {"axes of the rotors"}
     assert "max_speed" not in answer(found, "units").text
 
@@ -152,7 +153,8 @@ def test_a_joint_that_no_plant_takes_is_a_fault_and_its_rate_is_told_from_the_li
     vehicle = skyarm.load_vehicle("hummingbird_arm2")
     assert not any(each.question == "simulation" for each in assess_vehicle(vehicle, poses=FEW).findings)
     tip = vehicle.links[-1]
-    rate = friction_rate(with_damping(vehicle, 1e-4)) / 1e-4  # linear in the damping of one joint
+    # linear in the damping of one joint
+    rate = friction_rate(with_damping(vehicle, 1e-4)) / 1e-4
     found = assess_vehicle(with_damping(vehicle, 10000.4 / rate), poses=FEW)
     fault = answer(found, "simulation")
     assert (fault.level, fault.field) == (FAULT, f"joints[{tip.joint.name}].damping")
@@ -183,7 +185,8 @@ def test_senses_by_sides_name_two_rotors_and_the_tables_that_turn_them():
     senses = (1, -1, -1, 1)
     changes = [{"position": Vec3(x, y, 0), "direction": s} for (x, y), s in zip(places, senses, strict=True)]
     vehicle = with_rotors(changes)
-    arms = np.array([(1, y, -x, -s) for (x, y), s in zip(places, senses, strict=True)])  # thrust, roll, pitch, yaw
+    # thrust, roll, pitch, yaw
+    arms = np.array([(1, y, -x, -s) for (x, y), s in zip(places, senses, strict=True)])
     assert np.linalg.matrix_rank(arms) == 3
     with pytest.raises(
         AllocationError, match=r"must be 4; .* skyarm check names rotors whose other direction would do"

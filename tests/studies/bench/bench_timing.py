@@ -147,7 +147,8 @@ def start(rounds: int) -> dict[str, float]:
 
 def _wall_time(words: Sequence[str], folder: Path) -> float:
     environment = {**os.environ, "SKYARM_CACHE": str(folder.absolute() / "cache")}
-    environment.pop("PYTHONDONTWRITEBYTECODE", None)  # an installed library has its bytecode
+    # an installed library has its bytecode
+    environment.pop("PYTHONDONTWRITEBYTECODE", None)
     begin = time.perf_counter()
     subprocess.run([sys.executable, *words], env=environment, cwd=folder, check=True, stdout=subprocess.DEVNULL)
     return time.perf_counter() - begin

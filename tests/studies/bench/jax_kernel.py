@@ -89,7 +89,8 @@ class JaxKernel:
         lanes = carry.shape[1]
         block = min(self._block or lanes, lanes)
         count = -(-lanes // (block * threads)) * threads
-        spread = np.minimum(np.arange(count * block), lanes - 1)  # whole blocks, the last lane repeated
+        # whole blocks, the last lane repeated
+        spread = np.minimum(np.arange(count * block), lanes - 1)
         numbers = np.arange(lanes) if episodes is None else np.asarray(episodes)
         if not 0 <= seed < 2**64 or np.any(numbers < 0) or np.any(numbers >= 2**32):
             raise ValueError(f"seed = {seed}, episodes: must be whole numbers below 2**64 and 2**32")

@@ -13,7 +13,8 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-sys.path.append(str(Path(__file__).parents[2]))  # the tests' own vehicles, when this is run as a program
+# the tests' own vehicles, when this is run as a program
+sys.path.append(str(Path(__file__).parents[2]))
 
 import bench_engines as engines
 from bench_counts import counts
@@ -127,7 +128,8 @@ def speed_table(found: Mapping[str, Any]) -> None:
     """Print the table of the engines of docs/performance.md."""
     ratios: dict[str, float] = {}
     for each in found["speed"]:
-        ratios.setdefault(each["name"].partition(", ")[0], each["ratio"])  # all threads come first
+        # all threads come first
+        ratios.setdefault(each["name"].partition(", ")[0], each["ratio"])
     rows = []
     for name, (title, floats, flight) in SPEEDS.items():
         if name in ratios:

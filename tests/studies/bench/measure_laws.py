@@ -19,7 +19,8 @@ from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
 
-sys.path.append(str(Path(__file__).parents[2]))  # the tests' own modules, when this is run as a program
+# the tests' own modules, when this is run as a program
+sys.path.append(str(Path(__file__).parents[2]))
 
 from bench_engines import Flight, steps_of
 from bench_timing import Contender, contest

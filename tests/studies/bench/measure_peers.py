@@ -15,7 +15,8 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-sys.path.append(str(Path(__file__).parents[2]))  # the tests' own vehicles, when this is run as a program
+# the tests' own vehicles, when this is run as a program
+sys.path.append(str(Path(__file__).parents[2]))
 
 import bench_engines as engines
 import contact_speed

@@ -24,7 +24,8 @@ from typing import Any
 
 import numpy as np
 
-sys.path.append(str(Path(__file__).parents[2]))  # the tests' own modules, when this is run as a program
+# the tests' own modules, when this is run as a program
+sys.path.append(str(Path(__file__).parents[2]))
 
 # what is measured may be of an older tree, and is imported where it is used
 from support.measured_tables import print_table, progress

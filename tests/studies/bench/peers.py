@@ -99,7 +99,8 @@ def crazyflow(worlds: int = 4096, steps: int = 50) -> Contender:
 
     sim: Any = Sim(n_worlds=worlds, n_drones=1, control=Control.state)
     wanted = np.zeros((worlds, 1, 16))
-    wanted[..., 2], wanted[..., 12] = 1.0, 1.0  # 1 m up, level: position, velocity, acceleration, quaternion xyzw
+    # 1 m up, level: position, velocity, acceleration, quaternion xyzw
+    wanted[..., 2], wanted[..., 12] = 1.0, 1.0
 
     def run() -> float:
         sim.state_control(wanted)

@@ -13,7 +13,8 @@ import sys
 import tempfile
 from pathlib import Path
 
-sys.path.append(str(Path(__file__).parents[2]))  # the tests' own modules, when this is run as a program
+# the tests' own modules, when this is run as a program
+sys.path.append(str(Path(__file__).parents[2]))
 
 from skyarm.studies.compare.compare_laws import compare
 from skyarm.studies.compare.survive import LAWS, survive_rows, worse_conditions

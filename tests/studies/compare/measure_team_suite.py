@@ -20,7 +20,8 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-sys.path.append(str(Path(__file__).parents[2]))  # the tests' own modules, when this is run as a program
+# the tests' own modules, when this is run as a program
+sys.path.append(str(Path(__file__).parents[2]))
 
 import numpy as np
 

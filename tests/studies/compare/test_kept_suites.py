@@ -99,7 +99,8 @@ def test_what_is_damaged_alone_is_flown_again_with_the_same_bytes(
         fly_suite(suite, folder)
     assert again == [label]
     left, right = files_of(folder), files_of(whole)
-    if harm in (forge_key, of_another):  # rows of other works stay: a suite of these may come back
+    # rows of other works stay: a suite of these may come back
+    if harm in (forge_key, of_another):
         assert len(left) == len(right) + 1
         assert right.items() <= left.items()
     else:

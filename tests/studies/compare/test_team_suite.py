@@ -99,7 +99,8 @@ def test_all_at_once_moves_the_supposed_grasp_and_with_it_the_path() -> None:
     off = numbers["team.members.1.place.x"] - 0.55
     assert 1e-4 < abs(off) <= 0.02
     shipped = skyarm.load_scenario(FLOWN)
-    assert tip(drawn, "right", 1.0) == pytest.approx(tip(shipped, "right", 1.0), abs=1e-12)  # not yet taken
+    # not yet taken
+    assert tip(drawn, "right", 1.0) == pytest.approx(tip(shipped, "right", 1.0), abs=1e-12)
     for t in (5.0, 11.0, 13.0, 18.0):
         x, y, z = tip(shipped, "right", t)
         motion = shipped.team.motion.at(t)
@@ -188,7 +189,8 @@ def test_options_of_the_own_law_stay_and_other_laws_get_those_that_they_have(tmp
         ),
     )
     team = cell("perfect", scenario=own).scenario().team
-    assert (team.pull_gain, team.rise, team.position_noise) == (0.05, 1.1, 0)  # noise is that of the conditions
+    # noise is that of the conditions
+    assert (team.pull_gain, team.rise, team.position_noise) == (0.05, 1.1, 0)
     follower = cell("perfect", "leader_follower", scenario=own).scenario().team
     assert (follower.rise, follower.virtual_mass) == (1.1, 0.444)
     alone = cell("noisy", "own_paths", scenario=own).scenario()

@@ -183,7 +183,8 @@ class TestWithRay:
 
     @posix
     def test_the_command_prints_one_document_and_nothing_of_ray(self, tmp_path: Path) -> None:
-        program = swept(tmp_path, "ray", "--json", "--quiet", episodes=8)  # a slow machine prints progress
+        # a slow machine prints progress
+        program = swept(tmp_path, "ray", "--json", "--quiet", episodes=8)
         code, out, err = program.end()
         assert (code, err) == (0, "")
         assert json.loads(out)["rows"] == 16

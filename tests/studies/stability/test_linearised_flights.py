@@ -177,7 +177,8 @@ def test_the_jacobians_are_those_that_scipy_finds(arm_hover):
     J = slopes(lambda *at: found._open_period(period, rebuild(point, iter(at)))[1], base)
     loop = Differentiator.at(found, moving, [0.0, *held.held_leaves[0]], "up")
     nx, nu = 13 + 4 + 4, 6
-    numbers = [0, 1, 2, *range(7, nx)]  # all but the quaternion, which moves by rotation vectors in ours
+    # all but the quaternion, which moves by rotation vectors in ours
+    numbers = [0, 1, 2, *range(7, nx)]
     late = list(loop.lates).index(0.002)
     ours = np.delete(np.delete(loop.x_x[late], [3, 4, 5], axis=0), [3, 4, 5], axis=1)
     np.testing.assert_allclose(ours, J[np.ix_(numbers, numbers)], atol=1e-7)

@@ -51,7 +51,8 @@ def test_the_gain_margin_is_that_of_jury():
     # z^2 - 2 z + 1 + k ((kp T^2 / 2 + kd T) z + kp T^2 / 2 - kd T) has its roots inside the circle for k kd T < 2
     found = margins(double_integrator())
     assert found.rotor_gain[1] == pytest.approx(2.0 / (KD * T), rel=1e-6)
-    assert found.rotor_gain[0] == 0.0  # a double integrator under PD bears any lower gain
+    # a double integrator under PD bears any lower gain
+    assert found.rotor_gain[0] == 0.0
     assert found.joint_gain == (0.0, math.inf)  # it has no joints
 
 

@@ -39,7 +39,8 @@ def test_quantiles_are_order_statistics(share: float) -> None:
 
 @pytest.mark.parametrize(("share", "count"), [(0.5, 6), (0.5, 400), (0.05, 72), (0.95, 72), (0.95, 1000), (0.25, 37)])
 def test_a_quantile_interval_leaves_at_most_half_of_the_error_at_each_end(share: float, count: int) -> None:
-    values = np.random.default_rng(2).permutation(np.arange(1.0, count + 1.0))  # a value is its rank
+    # a value is its rank
+    values = np.random.default_rng(2).permutation(np.arange(1.0, count + 1.0))
     (found,) = quantile_intervals(values, [share])
     low, high = found or (0.0, 0.0)
     below = stats.binom(count, share)

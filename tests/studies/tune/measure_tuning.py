@@ -12,7 +12,8 @@ import argparse
 import sys
 from pathlib import Path
 
-sys.path.append(str(Path(__file__).parents[2]))  # the tests' own modules, when this is run as a program
+# the tests' own modules, when this is run as a program
+sys.path.append(str(Path(__file__).parents[2]))
 
 import skyarm
 from skyarm.studies.tune.subject import SearchSizes

@@ -148,7 +148,8 @@ def test_every_plant_flies_its_own_motion_and_the_kinds_take_turns():
         assert np.abs([x[2], y[2]]).max() < 1.5
         if plants.kinds[k] == 0:
             away = np.hypot(x[0], y[0])[100:]
-            np.testing.assert_allclose(away, away[0], rtol=1e-6)  # a circle once it is eased in
+            # a circle once it is eased in
+            np.testing.assert_allclose(away, away[0], rtol=1e-6)
         swung = [np.array(signal.derivatives(time)[:2]) for signal in path.joints]
         for link, (angle, _) in zip(flight.plant.vehicle.links, swung, strict=True):
             assert float(link.joint.lower) < angle.min() <= angle.max() < float(link.joint.upper)

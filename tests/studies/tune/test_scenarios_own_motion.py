@@ -67,7 +67,8 @@ def test_saturation_is_the_share_of_periods_with_a_rotor_at_its_limit():
     for i, share in enumerate(found):
         log = skyarm.run(with_numbers(flight, {path: column[i] for path, column in plants.values.items()}))
         limited = (log.rotor_commands <= 0.0) | (log.rotor_commands >= (1.0 - 1e-6) * 1.05 * hover)
-        assert share == pytest.approx(limited[log.time >= 0.2].any(axis=1).mean(), abs=0.02)  # of single precision
+        # of single precision
+        assert share == pytest.approx(limited[log.time >= 0.2].any(axis=1).mean(), abs=0.02)
     assert 0.02 < found.mean() < 0.98
 
 

@@ -142,7 +142,8 @@ def test_plants_have_in_turn_other_masses_and_the_grasp_of_each_member_off() -> 
     assert ((places[1] != 0.0) == (plants.kinds == FIRST_OFF + 1)).all()
     assert (places[:, ~is_off] == 0.0).all()
     assert np.abs(places[:, is_off]).sum(0) == pytest.approx(0.02, abs=1e-6)
-    assert (np.abs(places[:, is_off]).max(1) > 0.01).all()  # of either member, to either side
+    # of either member, to either side
+    assert (np.abs(places[:, is_off]).max(1) > 0.01).all()
     assert {*np.sign(places[:, is_off]).ravel()} == {-1.0, 0.0, 1.0}
     assert any((plants.values[path] != other.values[path]).any() for path in mass)
     both = TEAM.draw(flight, 40, seed=4, mixed=False)

@@ -60,7 +60,8 @@ def christoffel(partials: Sequence[Matrix], qd: Sequence[Any]) -> Matrix:
     """
     n = len(qd)
     rate = [[inner_product([partial[i][j] for partial in partials], qd) for j in range(n)] for i in range(n)]
-    swept = [[inner_product(row, qd) for row in partial] for partial in partials]  # swept[j][i] = sum_k dM_ik/dq_j qd_k
+    # swept[j][i] = sum_k dM_ik/dq_j qd_k
+    swept = [[inner_product(row, qd) for row in partial] for partial in partials]
     return [[mul(0.5, add(rate[i][j], sub(swept[j][i], swept[i][j]))) for j in range(n)] for i in range(n)]
 
 

@@ -232,7 +232,8 @@ def test_the_trail_goes_back_some_seconds_and_the_arrow_blows_with_the_wind() ->
     (arrow,) = (mark for mark in marks if mark.kind == "arrow")
     along = arrow.end - arrow.start
     np.testing.assert_allclose(along / np.linalg.norm(along), filmed.force[150] / np.linalg.norm(filmed.force[150]))
-    assert wind_words(filmed, 150) == "force 2.3 N, wind 2.0 m/s"  # 2 N, and the drag of 2 m/s at the rotors
+    # 2 N, and the drag of 2 m/s at the rotors
+    assert wind_words(filmed, 150) == "force 2.3 N, wind 2.0 m/s"
     assert wind_words(dataclasses.replace(filmed, air=0 * filmed.air), 150) == "force 2.3 N"
     still = dataclasses.replace(filmed, force=0 * filmed.force, air=0 * filmed.air)
     assert all(mark.kind == "line" for mark in marks_of([still], 0.2, 1.0)(150))

@@ -31,7 +31,8 @@ def missing() -> str:
 @pytest.fixture(scope="module")
 def seen(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
     if reason := missing():
-        assert "STUDIO_BROWSER" not in os.environ, reason  # `make browser` must not pass by skipping
+        # `make browser` must not pass by skipping
+        assert "STUDIO_BROWSER" not in os.environ, reason
         pytest.skip(reason)
     shots = Path(os.environ.get("STUDIO_SHOTS", tmp_path_factory.mktemp("shots")))
     laws = ("--laws", "paper_ct,paper_pd")

@@ -310,7 +310,8 @@ def test_every_scenario_and_example_opens_with_the_reference_that_it_flies(sourc
         assert (own.reference, own.path_time) == (before.reference, before.path_time)
     assert flown.duration == (scenario.duration if fleet.planned else LONGEST)
     knobs = knobs_of(flown, pushes_of(flown).values())
-    for name in flown.agents:  # a page has the sliders of the vehicle that is chosen, and those that all share
+    # a page has the sliders of the vehicle that is chosen, and those that all share
+    for name in flown.agents:
         count = sum(agent_of(knob.path) in ("", name) for knob in knobs)
         assert 30 < count < 200, "a page's sliders, none for a curve's coefficients"
 
@@ -349,7 +350,8 @@ def believed() -> dict[str, Any]:
 
 def test_sliders_show_what_changes_of_the_file_have_set(tmp_path: Path) -> None:
     document = believed()
-    document["changes"][0]["path"] = "environment.wind.force.1"  # as the file may name what the slider names y
+    # as the file may name what the slider names y
+    document["changes"][0]["path"] = "environment.wind.force.1"
     joints = [{"kind": "constant", "value": 0.25}, {"kind": "constant", "value": -0.8}]
     document["reference"] = {"base": {"kind": "hover", "position": [0.0, 0.0, 1.0]}, "joints": joints}
     later = [{"kind": "constant", "value": 0.3}, joints[1]]

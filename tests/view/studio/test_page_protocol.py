@@ -51,7 +51,8 @@ def begin(shown: Open, tab: Tab) -> None:
     shown.page.do(again)
     assert done.wait(20.0)
     tab.forget()
-    tab.listen(lambda t: 0.0 <= seconds(t) < 1.0 and "playing, 1x" in t.status())  # words of before may be on their way
+    # words of before may be on their way
+    tab.listen(lambda t: 0.0 <= seconds(t) < 1.0 and "playing, 1x" in t.status())
 
 
 def click(tab: Tab, word: str) -> None:

@@ -19,7 +19,8 @@ from pathlib import Path
 
 import numpy as np
 
-sys.path.append(str(Path(__file__).parents[2]))  # the tests' own modules, when this is run as a program
+# the tests' own modules, when this is run as a program
+sys.path.append(str(Path(__file__).parents[2]))
 
 import skyarm
 from skyarm.simulate.engine import Engine, EpisodeCode
@@ -83,7 +84,8 @@ def sizes(small: bool):
         alone = one.agent if law == "paper_ct" else skyarm.load_scenario("case3", controller=law).agent
         teams = {n: dataclasses.replace(one, agents={f"a{i}": alone for i in range(n)}) for n in (1, 2, 4, 8)}
         best = {n: np.full(2, np.inf) for n in teams}
-        for _ in range(2 if small else 12):  # in turn, so that all meet the same machine
+        # in turn, so that all meet the same machine
+        for _ in range(2 if small else 12):
             for n, scenario in teams.items():
                 with tempfile.TemporaryDirectory() as folder:
                     os.environ["SKYARM_CACHE"] = folder

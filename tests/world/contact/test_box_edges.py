@@ -220,7 +220,8 @@ def test_depths_are_those_of_the_rules():
         a, b = placed(rng.normal(size=3) * [0.03, 0.03, 0.004] + [0.0, 0.0, 0.062], P), placed(np.zeros(3), Q, size)
         found = [float(depth) for _, depth, _ in edge_touches(a, b)]
         assert found == pytest.approx(written_depths(a, b), abs=1e-8)
-    for sine in (0.048, 0.052):  # apart across two edges: their normal parts them where they are not nearly parallel
+    # apart across two edges: their normal parts them where they are not nearly parallel
+    for sine in (0.048, 0.052):
         R = Rotation.from_rotvec([0.0, 0.6 * sine, 0.8 * sine]).as_matrix()
         a, b = placed([0.0, 0.084, 0.064], R), placed(np.zeros(3), np.eye(3))
         found = [float(depth) for _, depth, _ in edge_touches(a, b)]

@@ -58,7 +58,8 @@ def everything(*numbers):
     [
         pytest.param("numpy", 1e-12, marks=pytest.mark.thorough),
         ("trace", 0.0),
-        pytest.param("jax", 1e-10, marks=pytest.mark.thorough),  # one operation after the other: 5 s
+        # one operation after the other: 5 s
+        pytest.param("jax", 1e-10, marks=pytest.mark.thorough),
         pytest.param("casadi", 1e-10, marks=pytest.mark.thorough),
     ],
 )

@@ -68,9 +68,11 @@ def test_a_drawn_surface_is_where_the_contact_has_its_skin(shape: str, moving: b
     (solid,) = scene_of(Contact(surfaces=(surface,)), times, (3.0, 1.0, 0.5)).solids
     assert (solid.moves, solid.fixed) == (moving, not moving)
     vertices, faces = mesh_of(solid.shape)
-    flat = shape in ("plane", "box")  # of round shapes the mesh has its corners alone on the skin
+    # of round shapes the mesh has its corners alone on the skin
+    flat = shape in ("plane", "box")
     drawn = [on_faces(vertices, faces) if flat else vertices, mesh_of(solid.shape, 48)[0]]
-    if shape in ("cylinder", "hole"):  # straight along the axis: between two rings of corners it is on the skin, too
+    # straight along the axis: between two rings of corners it is on the skin, too
+    if shape in ("cylinder", "hole"):
         rings = vertices.reshape(-1, AROUND, 3)
         drawn.append(0.5 * (rings[1:] + rings[:-1]).reshape(-1, 3))
     for points in drawn:

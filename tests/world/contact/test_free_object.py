@@ -209,7 +209,8 @@ def test_what_pushes_and_is_pushed_keep_their_momentum(pushed):
     assert np.linalg.norm(objects[-1, 0, 7:10]) > 0.1, "it was pushed"
     assert np.abs(objects[-1, 0, 10:13]).max() > 0.1, "and turned"
     assert last[0] == pytest.approx(first[0], abs=1e-9)
-    assert last[1] == pytest.approx(first[1], abs=1e-7)  # the attitude is of fourth order
+    # the attitude is of fourth order
+    assert last[1] == pytest.approx(first[1], abs=1e-7)
 
 
 def test_a_push_with_friction_and_dissipation_takes_energy(pushed):

@@ -332,10 +332,12 @@ def test_stiff_grasps_make_one_rigid_body(monkeypatch: pytest.MonkeyPatch) -> No
     ("apart", "parting", "tension"),
     [
         (0.51, 0.0, 8.0),
-        (0.51, 1.0, 11.0),  # damping adds to the pull of ends that part, and takes from that of ends that meet
+        # damping adds to the pull of ends that part, and takes from that of ends that meet
+        (0.51, 1.0, 11.0),
         (0.51, -1.0, 5.0),
         (0.51, -5.0, 0.0),
-        (0.49, 5.0, 0.0),  # slack, though -8 N of the spring and 15 N of the damper add up to a pull
+        # slack, though -8 N of the spring and 15 N of the damper add up to a pull
+        (0.49, 5.0, 0.0),
         (0.49, 0.0, 0.0),
         (0.49, -5.0, 0.0),
     ],

@@ -135,7 +135,8 @@ def test_vehicle_and_what_it_holds_keep_their_momentum_and_lose_energy(kind):
         return linear + 0.1 * o[7:10], angular + own + 0.1 * np.cross(o[:3], o[7:10]), total
 
     first, last = whole(vehicles[0], objects[0, 0]), whole(vehicles[-1], objects[-1, 0])
-    assert last[0] == pytest.approx(first[0], abs=1e-6)  # not linear in the state: of second order
+    # not linear in the state: of second order
+    assert last[0] == pytest.approx(first[0], abs=1e-6)
     assert last[1] == pytest.approx(first[1], abs=2e-6)
     assert last[2] < first[2]
     tip, point = PointMotion(ARM, rebuild(moving, iter(vehicles[-1].tolist()))), PointMotion(ARM, moving).frame()

@@ -139,7 +139,8 @@ def test_what_a_gripper_held_is_said(lifted):
 def test_both_plants_lift_the_same(lifted):
     theirs = skyarm.run(scenario_from(lifting(0.3), replaced={"plant": "mujoco"}))
     count = len(theirs.time)
-    assert theirs.object_position == pytest.approx(lifted.object_position[:count], abs=5e-5)  # steps of 0.7 and 0.5 ms
+    # steps of 0.7 and 0.5 ms
+    assert theirs.object_position == pytest.approx(lifted.object_position[:count], abs=5e-5)
     assert theirs.gripper_force == pytest.approx(lifted.gripper_force[:count], abs=2e-2)
 
 
@@ -165,7 +166,8 @@ def test_lanes_of_a_batch_lift_each_its_own_box():
     for lane in range(2):
         alone = skyarm.run(with_numbers(scenario, {path: float(each[lane]) for path, each in values.items()}))
         assert alone.gripper_lost[-1] == [0.0, 1.0][lane]
-        assert positions[lane] == pytest.approx(alone.position, abs=1e-6)  # steps of the lightest, of second order
+        # steps of the lightest, of second order
+        assert positions[lane] == pytest.approx(alone.position, abs=1e-6)
         assert np.abs(positions[lane] - positions[1 - lane]).max() > 1e-5
 
 
@@ -328,7 +330,8 @@ def test_an_object_that_nothing_can_touch_asks_for_no_steps():
 
 def test_what_asks_for_short_steps_is_named():
     assert part_warnings(scenario_from(resting(mass=0.5))) == ()
-    assert part_warnings(scenario_from(DOCUMENT)) == ()  # 0.8 ms in place of 1 ms are not worth a line
+    # 0.8 ms in place of 1 ms are not worth a line
+    assert part_warnings(scenario_from(DOCUMENT)) == ()
     light = scenario_from(resting(mass=0.005))
     assert [divisions(0.005, float(each.world.largest_step)) for each in (scenario_from(resting()), light)] == [7, 22]
     (told,) = part_warnings(light)

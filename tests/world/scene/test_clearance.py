@@ -100,7 +100,8 @@ def test_a_rod_is_as_far_from_a_surface_as_coal_has_it(oracle: Coal, shape: str)
         expected = oracle.distance(oracle.rod(a, b, radius), oracle.surface(surface))
         deep = expected < -0.99 * radius
         inside += deep
-        if not (deep and shape == "cylinder"):  # there the depth is that of the deepest point
+        # there the depth is that of the deepest point
+        if not (deep and shape == "cylinder"):
             assert surface_distance(capsule(a, b, radius), surface, 0.0) == pytest.approx(expected, abs=1e-6)
     assert 10 < inside < 140
 
@@ -128,7 +129,8 @@ def test_rods_and_discs_are_as_far_from_each_other_as_coal_has_them(oracle: Coal
         disc = Volume("disc", BASE, vec(c), vec(c), 0.02, 0.3, vec(axis))
         pose = oracle.coal.Transform3s(np.array(turn_onto(tuple(axis))), c)
         expected = oracle.distance(rod, (oracle.coal.Cylinder(0.3, 1e-9), pose)) - 0.02
-        if expected > -0.065:  # coal takes the flat disc for a thick one where the rod's axis passes through it
+        # coal takes the flat disc for a thick one where the rod's axis passes through it
+        if expected > -0.065:
             assert pair_distance(capsule(a, b, 0.05), disc) == pytest.approx(expected, abs=1e-5)
             assert pair_distance(disc, capsule(a, b, 0.05)) == pair_distance(capsule(a, b, 0.05), disc)
 

@@ -168,4 +168,5 @@ def clip(value: Scalar, lower: Scalar, upper: Scalar) -> Scalar:
 
 def sign(x: Scalar) -> Scalar:
     """Sign of a number: -1, 0 or +1."""
-    return where(x > 0.0, 1.0, where(x < 0.0, -1.0, x))  # what is left is a signed zero or NaN
+    # what is left is a signed zero or NaN
+    return where(x > 0.0, 1.0, where(x < 0.0, -1.0, x))

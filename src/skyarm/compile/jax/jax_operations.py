@@ -208,7 +208,8 @@ def _product(a: int, b: Array) -> tuple[Array, Array]:
     a_high, a_low = np.uint32(a >> 16), np.uint32(a & 0xFFFF)
     b_high, b_low = b >> half, b & np.uint32(0xFFFF)
     bottom, cross, other = a_low * b_low, a_high * b_low, a_low * b_high
-    middle = (bottom >> half) + (cross & np.uint32(0xFFFF)) + other  # at most 2**32 - 1: cannot overflow
+    # at most 2**32 - 1: cannot overflow
+    middle = (bottom >> half) + (cross & np.uint32(0xFFFF)) + other
     return a_high * b_high + (cross >> half) + (middle >> half), np.uint32(a) * b
 
 

@@ -153,7 +153,8 @@ def compiled_once(
         inputs = [inner.input(f"x{i}") for i, _ in enumerate(symbols)]
         result = function(_with_symbols(record, inputs))
         result = _with_symbols(result, [each.value if each.op == "const" else each for each in _symbols(result)])
-        outputs = [inner.lift(each) for each in _symbols(result)]  # refuses a symbol that is no input
+        # refuses a symbol that is no input
+        outputs = [inner.lift(each) for each in _symbols(result)]
         if any(map(is_condition, (*symbols, *outputs))):
             return function(record)
         call = whole, lower(inputs, live(outputs), outputs), result

@@ -87,7 +87,8 @@ def effort_shares(errors: ForceErrors, at: TipLevers, n: Vec3) -> Scalars:
     """Derivative of the estimated force along n (unit, world axes) by each joint's observed effort, 1/m or 1."""
     squares = _of_disturbance(errors, at, no_disturbance(len(at.columns)))
     squares.b = list(at.R.apply_T(n))
-    gain = Vec3(*squares.solve())  # A^-1 n: the estimate is linear in the efforts, with J weight on the right-hand side
+    # A^-1 n: the estimate is linear in the efforts, with J weight on the right-hand side
+    gain = Vec3(*squares.solve())
     rows = zip(at.vehicle.links, at.columns, strict=True)
     return tuple(mul(errors.weight_of(link), column.dot(gain)) for link, column in rows)
 

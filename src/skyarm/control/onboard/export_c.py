@@ -326,7 +326,8 @@ def _structs(
 ) -> dict[str, Struct]:
     """C structs of the function's inputs and outputs; parameters are limited to those that the control law reads."""
     live = {node.index for node in program.lowered.nodes}
-    used = [node.index in live for node in program.lowered.inputs]  # the parameters are the first inputs
+    # the parameters are the first inputs
+    used = [node.index in live for node in program.lowered.inputs]
     vehicle = controller.par.model.vehicle
     angles = (0.0,) * (len(vehicle.tilts) if turns_rotors(controller) else 0)
     command = Command(rotor_speeds=(0.0,) * len(vehicle.rotors), efforts=vehicle.zeros, tilts=angles)
@@ -384,7 +385,8 @@ def _header(
     name, vehicle = file.name, controller.par.model.vehicle
     step = controller.law.func if isinstance(controller.law, partial) else controller.law
     paragraphs = (inspect.getdoc(step) or controller.name).split("\n\n")
-    if not any(part.startswith("Source:") for part in paragraphs):  # of a law that is a file of its own
+    # of a law that is a file of its own
+    if not any(part.startswith("Source:") for part in paragraphs):
         paragraphs += (inspect.getdoc(inspect.getmodule(step)) or "").split("\n\n")
     clocked = any(member.name == "period" for member in file.structs["parameters"].members)
     return [

@@ -142,7 +142,8 @@ def demand_of_motion(
 def attitude(force: Array, yaw: Array) -> Array:
     """Attitude R_WB (3, 3, K) with z along the force and x along the heading (Mellinger, Kumar 2011)."""
     length = np.linalg.norm(force, axis=0)
-    z = force / np.where(np.isinf(length), np.nan, np.maximum(length, 1e-12))  # a square that overflows: no direction
+    # a square that overflows: no direction
+    z = force / np.where(np.isinf(length), np.nan, np.maximum(length, 1e-12))
     heading = np.stack([np.cos(yaw), np.sin(yaw), np.zeros_like(yaw)])
     y = np.cross(z, heading, axis=0)
     y /= np.maximum(np.linalg.norm(y, axis=0), 1e-12)

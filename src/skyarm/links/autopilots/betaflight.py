@@ -274,7 +274,8 @@ class BetaflightLink(ProgramLink):
         rise = self._filter.position[2] - self._stand
         if not self._armed:
             arming = t >= self._asked
-            if t > self._asked + 0.5:  # refused: the switch must go back before it is asked again
+            # refused: the switch must go back before it is asked again
+            if t > self._asked + 0.5:
                 self._asked = t + 0.5
             return (*LEVEL, ON if arming else OFF, ON, *(OFF,) * 10)
         if not self.following:
@@ -311,7 +312,8 @@ class BetaflightLink(ProgramLink):
             return
         now = time.monotonic()
         if self._guard is not None and self._guard.wake(ANSWER + HALT):
-            self._sent, self._begun = 0.0, now - self._states * self._period  # time goes on where it was halted
+            # time goes on where it was halted
+            self._sent, self._begun = 0.0, now - self._states * self._period
             self._silent_since = now
         if self._begun == 0.0:
             self._begun = now - self._states * self._period

@@ -116,7 +116,8 @@ def vehicle_loops(vehicle: Vehicle, gravity: float) -> tuple[Array, dict[str, in
     ):
         inertia = turning[i]
         slow = bandwidth * inertia / locked[i]
-        gain = bandwidth * inertia / torques[i] * 1e3 * math.pi / 180.0  # thousandths per deg/s
+        # thousandths per deg/s
+        gain = bandwidth * inertia / torques[i] * 1e3 * math.pi / 180.0
         grow = max(gain / UNITS["P"] / 200.0, 1.0)
         mix[:, i + 1] *= grow
         gain /= grow
@@ -150,7 +151,8 @@ def console_lines(vehicle: Vehicle, gravity: float, parameters: Mapping[str, flo
         "throttle_boost": 0, "anti_gravity_gain": 0, "small_angle": 180, "failsafe_delay": 200, "tpa_rate": 0,
         "airmode_start_throttle_percent": 5,
     }
-    for axis, rate in (("roll", 20), ("pitch", 20), ("yaw", round(YAW_LIMIT / 10))):  # straight lines
+    # straight lines
+    for axis, rate in (("roll", 20), ("pitch", 20), ("yaw", round(YAW_LIMIT / 10))):
         numbers |= {f"{axis}_rc_rate": rate, f"{axis}_srate": rate, f"{axis}_expo": 0}
     numbers |= loops | dict(parameters)
     return lines + [f"set {name} = {value}" for name, value in words.items()] + [

@@ -156,7 +156,8 @@ def take_off_scenario(scenario: Scenario) -> Scenario:
     )
     resting = replace(
         start,
-        position=stand.rest,  # loaded: an accelerometer reads weight from the first instant
+        # loaded: an accelerometer reads weight from the first instant
+        position=stand.rest,
         quaternion=type(start.quaternion)(math.cos(half), 0.0, 0.0, math.sin(half)),
         velocity=ZERO3_DATA,
         rate=ZERO3_DATA,
@@ -239,7 +240,8 @@ class PilotedSession(Session):
     ) -> None:
         planned = planned_scenario(scenario)
         take_off = take_off_scenario(planned)
-        for each in (planned, take_off):  # their clocks and sensors are others than the scenario's
+        # their clocks and sensors are others than the scenario's
+        for each in (planned, take_off):
             check_scenario(each)
         self._autopilot: Autopilot = autopilot_of(planned.agent.controller)
         self._tape = Tape(self._autopilot.transcript, self._autopilot.replayed, self._autopilot.name)
@@ -249,7 +251,8 @@ class PilotedSession(Session):
         self._joint_server: JointServer | None = None  # the port from the hand-over on
         self._wall, self._late = 0.0, 0
         self._state: list[float] = []  # true, at the last exchange
-        self._arm: list[float] = []  # measured, the last period's: a program outside gets what an encoder reads
+        # measured, the last period's: a program outside gets what an encoder reads
+        self._arm: list[float] = []
         super().__init__(take_off, machine_code=machine_code)
         self._begin_flight()
         try:

@@ -185,7 +185,8 @@ class PX4Link(ProgramLink):
             command = [str(program), "-d", "-i", str(ports.instance), "-w", str(folder), str(etc)]
             self._launch(command, folder, environment, without="PX4_")
             self._tcp = self._accept(ports.listener)
-            if not record.outside:  # else it keeps the instance, whose onboard port is to be free
+            # else it keeps the instance, whose onboard port is to be free
+            if not record.outside:
                 ports.listener.close()
 
     def release(self) -> None:

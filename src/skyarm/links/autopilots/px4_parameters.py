@@ -133,10 +133,12 @@ def torque_of_signal(vehicle: Vehicle) -> tuple[float, float, float]:
     """
     full = np.array(highest_thrust(vehicle))
     most = float(full.max())
-    shape = unit_wrenches(vehicle) * (full / most)  # torque and force of full thrusts, in parts of the largest
+    # torque and force of full thrusts, in parts of the largest
+    shape = unit_wrenches(vehicle) * (full / most)
     mix = np.linalg.pinv(shape, rcond=1e-6)[:, :3]
     scale = [math.sqrt(2.0 * float(c @ c) / max(int(np.count_nonzero(np.abs(c) > 1e-4)), 1)) for c in mix.T[:2]]
-    scales = np.array([max(scale), max(scale), float((-mix[:, 2]).max())])  # PX4's yaw is about an axis down
+    # PX4's yaw is about an axis down
+    scales = np.array([max(scale), max(scale), float((-mix[:, 2]).max())])
     torques = np.diag(shape[:3] @ mix) / np.maximum(scales, 1e-12) * most
     if not (np.all(np.isfinite(torques)) and np.all(torques > 1e-9)):
         raise ScenarioError("plant.vehicle: rotors must have torques about all three axes for PX4")

@@ -50,7 +50,8 @@ def to_geodetic(north: float, east: float, up: float, origin: Geodetic) -> Geode
     sin_lat, cos_lat = math.sin(latitude), math.cos(latitude)
     sin_lon, cos_lon = math.sin(longitude), math.cos(longitude)
     x, y, z = to_earth_fixed(origin)
-    outwards = cos_lat * up - sin_lat * north  # from the Earth's axis, in the meridian of the origin
+    # from the Earth's axis, in the meridian of the origin
+    outwards = cos_lat * up - sin_lat * north
     return from_earth_fixed(
         x + cos_lon * outwards - sin_lon * east,
         y + sin_lon * outwards + cos_lon * east,
@@ -62,7 +63,8 @@ def to_earth_fixed(point: Geodetic) -> tuple[float, float, float]:
     """Earth-centred, Earth-fixed coordinates (m) of a point given by latitude, longitude (degrees) and height (m)."""
     latitude, longitude = math.radians(point[0]), math.radians(point[1])
     sin_lat = math.sin(latitude)
-    normal = SEMI_MAJOR_AXIS / math.sqrt(1.0 - ECCENTRICITY_2 * sin_lat * sin_lat)  # radius across the meridian
+    # radius across the meridian
+    normal = SEMI_MAJOR_AXIS / math.sqrt(1.0 - ECCENTRICITY_2 * sin_lat * sin_lat)
     outwards = (normal + point[2]) * math.cos(latitude)
     height = (normal * (1.0 - ECCENTRICITY_2) + point[2]) * sin_lat
     return outwards * math.cos(longitude), outwards * math.sin(longitude), height
@@ -71,7 +73,8 @@ def to_earth_fixed(point: Geodetic) -> tuple[float, float, float]:
 def from_earth_fixed(x: float, y: float, z: float) -> Geodetic:
     """Latitude, longitude (degrees) and height (m) of a point in Earth-centred, Earth-fixed axes (m)."""
     outwards, short = math.hypot(x, y), 1.0 - FLATTENING
-    tangent = (z, short * outwards)  # of the parametric latitude, as sine and cosine but for a factor
+    # of the parametric latitude, as sine and cosine but for a factor
+    tangent = (z, short * outwards)
     latitude = 0.0
     for _ in range(BOWRING_STEPS):
         size = math.hypot(*tangent)

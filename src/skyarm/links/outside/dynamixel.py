@@ -81,7 +81,8 @@ class DynamixelJoints(JointLink):
         except ImportError:
             raise JointPortError(f"dynamixel_sdk: is missing; --joints dynamixel {needs_extra('dynamixel')}") from None
         self._bus = bus
-        self._lock, self._bus_lock = threading.Lock(), threading.Lock()  # of what is handed over, and of the bus
+        # of what is handed over, and of the bus
+        self._lock, self._bus_lock = threading.Lock(), threading.Lock()
         self._port: Any = sdk.PortHandler(bus.device)
         self._packets: Any = sdk.PacketHandler(2.0)
         self._states: Any = sdk.GroupSyncRead(self._port, self._packets, PRESENT, 8)

@@ -158,7 +158,8 @@ def real_time() -> Iterator[None]:
     collecting = gc.isenabled()
     gc.disable()
     first = False
-    with contextlib.suppress(OSError, AttributeError):  # no permission; no such scheduler
+    # no permission; no such scheduler
+    with contextlib.suppress(OSError, AttributeError):
         if os.sched_getscheduler(0) == os.SCHED_OTHER:
             os.sched_setscheduler(0, os.SCHED_FIFO | os.SCHED_RESET_ON_FORK, os.sched_param(1))
             first = True
@@ -227,7 +228,8 @@ class OffboardFlight:
             ended = self._ending(end.status, str(end))
         except Exception:
             raise
-        except BaseException as error:  # Ctrl-C and signals: they go on once the log is written
+        except BaseException as error:
+            # Ctrl-C and signals: they go on once the log is written
             if not self._record.ticks:
                 raise
             self.interrupted, ended = error, self._ending(STOPPED, "stopped by Ctrl-C or a signal")

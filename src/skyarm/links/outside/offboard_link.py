@@ -101,7 +101,8 @@ def _open_socket(url: str, patience: float) -> tuple[socket.socket, tuple[str, i
     while True:
         try:
             if kind == "mavlink-out":
-                made.connect((host, port))  # nobody else is heard, and a call to this machine stays in it
+                # nobody else is heard, and a call to this machine stays in it
+                made.connect((host, port))
                 return made, made.getpeername()
             made.bind((host, port))
             return made, None

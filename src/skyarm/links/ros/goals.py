@@ -89,7 +89,8 @@ def base_goal(message: Content) -> dict[str, float]:
     if not all(map(math.isfinite, (*goals.values(), x, y, z, w))):
         raise MessageError("must be of finite numbers")
     if largest := max(map(abs, (x, y, z, w))):
-        x, y, z, w = x / largest, y / largest, z / largest, w / largest  # whose squares do not overflow
+        # whose squares do not overflow
+        x, y, z, w = x / largest, y / largest, z / largest, w / largest
         norm = x * x + y * y + z * z + w * w
         goals[HEADING] = math.atan2(2.0 * (w * z + x * y), norm - 2.0 * (y * y + z * z))
     return goals

@@ -149,7 +149,8 @@ def fly_live(
                 warn(f"{error}; the flight ends after {session.time:g} s")
             except Exception:
                 raise
-            except BaseException as error:  # Ctrl-C and signals: they go on once the log is written
+            except BaseException as error:
+                # Ctrl-C and signals: they go on once the log is written
                 interrupted = error
             log = session.log
     finally:

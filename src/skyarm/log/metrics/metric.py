@@ -45,7 +45,8 @@ class ActuatorLimits:
     def of(cls, vehicle: Vehicle, setpoints: Sequence[bool]) -> ActuatorLimits:
         """Actuator limits of a vehicle; joints marked in ``setpoints`` take setpoints and have no effort limit."""
         joints, battery = zip(vehicle.joints, setpoints, strict=True), vehicle.battery
-        if battery is not None and battery.esc == "open":  # an open loop scales speeds and cuts none
+        # an open loop scales speeds and cuts none
+        if battery is not None and battery.esc == "open":
             battery = None
         return cls(
             speeds=tuple(rotor.max_speed for rotor in vehicle.rotors),
@@ -66,7 +67,8 @@ class ActuatorLimits:
         ranges = list(zip(self.least, self.speeds, strict=True))
         if self.reference_voltage is None or not voltage:
             return ranges
-        supply = minimum(voltage[0] / self.reference_voltage, 1.0)  # above it a rotor stays at its highest speed
+        # above it a rotor stays at its highest speed
+        supply = minimum(voltage[0] / self.reference_voltage, 1.0)
         return [(least * supply, highest * supply) for least, highest in ranges]
 
 

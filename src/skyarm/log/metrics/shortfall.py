@@ -60,7 +60,8 @@ class Saturation:
     @property
     def counts(self) -> bool:
         """True if the saturation is worth reporting: frequent, or with a command beyond its limit."""
-        return self.share >= SELDOM or not abs(self.command) <= (1.0 + ROUNDING) * abs(self.limit)  # nan counts
+        # nan counts
+        return self.share >= SELDOM or not abs(self.command) <= (1.0 + ROUNDING) * abs(self.limit)
 
     def __str__(self) -> str:
         return (

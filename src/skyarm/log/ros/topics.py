@@ -122,7 +122,8 @@ class FlightTopics:
 def _agent_topics(log: Log, shared: Collection[str]) -> list[Topic]:
     """ROS topics of one vehicle, without the arrays of environment models that all vehicles share."""
     names, (fast, slow) = names_of(log), every_of(log)
-    efforts = [] if any(names.setpoints) else ["efforts"]  # setpoints of drives are no torques
+    # setpoints of drives are no torques
+    efforts = [] if any(names.setpoints) else ["efforts"]
     return [
         _topic("/odom", ODOMETRY, fast, {name: name for name in BASE_SIZES}, {"child_frame_id": BASE_LINK}),
         *_joints("/joint_states", fast, names, {name: name for name in ("joints", "joint_rates", *efforts)}),

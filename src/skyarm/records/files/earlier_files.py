@@ -44,7 +44,8 @@ def earlier_kept(files: Sequence[Path], *, replace: bool = False) -> Iterator[li
     with ExitStack() as locks:
         # in one order everywhere, so that no two processes wait for each other
         for folder in sorted({Path(os.path.realpath(file)).parent for file in files if not _is_device(file)}):
-            folder.mkdir(parents=True, exist_ok=True)  # a flight that failed beside may have taken it back
+            # a flight that failed beside may have taken it back
+            folder.mkdir(parents=True, exist_ok=True)
             locks.enter_context(naming(folder))
         there = [] if replace else [file for file in files if file.is_file() and not file.is_symlink()]
         renamed = {

@@ -45,7 +45,8 @@ def shown(value: object) -> str:
     """Text of a value for a message, on one line of bounded length."""
     try:
         text = " ".join(repr(value).split())  # an array's text has several lines
-    except (ValueError, RecursionError):  # a whole number of over 4300 digits; lists in lists
+    except (ValueError, RecursionError):
+        # a whole number of over 4300 digits; lists in lists
         text = f"({type(value).__name__} too large to show)"
     return text if len(text) <= LONGEST else text[: LONGEST - 3] + "..."
 

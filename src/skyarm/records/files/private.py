@@ -37,7 +37,8 @@ def private_folder(folder: Path, ours: Callable[[str], bool]) -> str:
     """
     if not folder.is_dir():
         folder.parent.mkdir(parents=True, exist_ok=True)
-        with suppress(FileExistsError):  # another process made it meanwhile; or it is a file, as is seen below
+        # another process made it meanwhile; or it is a file, as is seen below
+        with suppress(FileExistsError):
             folder.mkdir(mode=0o700)
     status = folder.stat()
     if not stat.S_ISDIR(status.st_mode):

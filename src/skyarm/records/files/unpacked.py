@@ -53,5 +53,6 @@ def npz_arrays(content: bytes) -> dict[str, AnyArray]:
             return {name: data[name] for name in data.files}
     except TooLargeError:
         raise
-    except Exception as error:  # archive, compression, header and numbers have readers with errors of their own
+    except Exception as error:
+        # archive, compression, header and numbers have readers with errors of their own
         raise ValueError(f"must be an npz file: {error}") from None

@@ -228,7 +228,8 @@ def first_not_finite(period: Callable[[], object]) -> str:
     Returns:
         ``file.py:12 (law): name is nan``, with the variable where there is one; empty without such a line.
     """
-    from skyarm.algebra import Vec3  # a command begins before it is loaded (own_sources)
+    # a command begins before it is loaded (own_sources)
+    from skyarm.algebra import Vec3
 
     lines, debugger = list[str](), sys.gettrace()
 
@@ -248,7 +249,8 @@ def first_not_finite(period: Callable[[], object]) -> str:
             if event == "exception" and issubclass(value[0], ArithmeticError):
                 lines.append(f"{place}: {value[1]}")
             elif event == "return" and last != "exception":
-                del lines[begun:]  # what was not finite on the way to a finite result is meant
+                # what was not finite on the way to a finite result is meant
+                del lines[begun:]
                 if kind := _not_finite(value):
                     lines.append(first.get(kind, place))
             line, last = frame.f_lineno, event
@@ -268,7 +270,8 @@ def first_not_finite(period: Callable[[], object]) -> str:
 
 def _not_finite(value: object) -> str:
     """Worst non-finite number in a value: "nan", else "inf"; empty if all numbers are finite."""
-    value = value.tolist() if hasattr(value, "tolist") else getattr(value, "state", value)  # of a motion
+    # of a motion
+    value = value.tolist() if hasattr(value, "tolist") else getattr(value, "state", value)
     if isinstance(value, float):
         return "" if math.isfinite(value) else str(abs(value))
     from skyarm.records.leaves import leaves

@@ -56,7 +56,8 @@ def writing_atomically(path: PathLike, *, entry: bool = True) -> Iterator[IO[byt
     """
     require_no_input(path)
     target = Path(os.path.realpath(path))
-    if os.path.isdir(target) or os.path.islink(target):  # which say no of a name that is too long
+    # which say no of a name that is too long
+    if os.path.isdir(target) or os.path.islink(target):
         reason = os.strerror(errno.EISDIR if os.path.isdir(target) else errno.ELOOP)
         raise OSError(f"file = {shown(str(path))}: must be writable ({reason})")
     temporary: Path | None = None
@@ -137,7 +138,8 @@ def sync_folder(folder: Path) -> None:
     """
     try:
         handle = os.open(folder, os.O_RDONLY)
-    except OSError:  # Windows opens no folders; one may also be allowed to write into a folder but not to read it
+    except OSError:
+        # Windows opens no folders; one may also be allowed to write into a folder but not to read it
         return
     try:
         _sync(handle)
@@ -307,7 +309,8 @@ def taken_back(*paths: PathLike | None) -> Iterator[None]:
     except OSError:  # of the disk, which holds who knows what
         raise
     except Exception:
-        with suppress(OSError, ValueError):  # the first that holds a result ends it, and nothing above it is empty
+        # the first that holds a result ends it, and nothing above it is empty
+        with suppress(OSError, ValueError):
             for path in reversed(made):
                 if path.is_dir():
                     path.rmdir()
@@ -381,7 +384,8 @@ def _lock_file(path: Path, folder: Path) -> int | None:
     try:
         try:
             handle = os.open(path, _OPEN, 0o666)
-        except PermissionError:  # what another user's process left can be locked without being written
+        except PermissionError:
+            # what another user's process left can be locked without being written
             handle = os.open(path, _OPEN & ~(os.O_RDWR | os.O_CREAT))
     except OSError as error:
         raise OSError(f"file = {shown(str(path))}: must be writable ({error.strerror})") from None
@@ -411,7 +415,8 @@ def _lock(handle: int) -> None:
     if sys.platform == "win32":
         import msvcrt
 
-        os.lseek(handle, FAR, os.SEEK_SET)  # beyond what is written, which others may read
+        # beyond what is written, which others may read
+        os.lseek(handle, FAR, os.SEEK_SET)
         msvcrt.locking(handle, msvcrt.LK_NBLCK, 1)
         os.lseek(handle, 0, os.SEEK_SET)
     else:

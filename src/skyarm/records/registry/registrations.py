@@ -208,7 +208,8 @@ class Register:
             raise AttributeError(f"register.{kind}: there are {', '.join(KINDS)}")
 
         def decorator(name: str, title: str = "") -> Callable[[Thing], Thing]:
-            if callable(name):  # the object itself: a decorator without brackets registers nothing
+            # the object itself: a decorator without brackets registers nothing
+            if callable(name):
                 words = f'must be a text, as @skyarm.register.{kind}("name")'
                 raise RegistryError(f"{place_of(name)}: register.{kind}: name = {shown(name)}: {words}")
 

@@ -95,7 +95,8 @@ def along_reference(scenario: Scenario, *, clearance: bool = False, carried: Seq
 
 def follow(parts: Sequence[FlightPart]) -> Followed:
     """Rotor speeds and joint efforts for exact tracking of a scenario's reference, as fractions of their limits."""
-    with np.errstate(over="ignore", invalid="ignore"):  # a demand that is no number becomes a fault, not a warning
+    # a demand that is no number becomes a fault, not a warning
+    with np.errstate(over="ignore", invalid="ignore"):
         pieces = [_stretch(part, time) for part in parts for time in _sample_times(part, parts[-1].stop)]
     names = field_names(ActuatorDemand) or ()
     demands = [piece.demand for piece in pieces]
@@ -267,7 +268,8 @@ def _saturation(
     outside = ~within if reversed_ is None else ~within | reversed_
     at_any = np.any(outside, axis=0)
     often = followed.share(at_any)
-    i, k = np.unravel_index(int(np.argmax(share)), share.shape)  # the first that is no number, if any
+    # the first that is no number, if any
+    i, k = np.unravel_index(int(np.argmax(share)), share.shape)
     name, field = parts[int(i)]
     finite = bool(np.isfinite(share[i, k]))
     most = f"at most {share[i, k]:.3g} of the limit" if finite else "a demand that is no finite number"

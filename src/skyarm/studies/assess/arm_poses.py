@@ -134,7 +134,8 @@ def _lowest(vehicle: Vehicle, joints: Array, i: int) -> Array:
     if not joint.turns:  # slides down as far as it can
         end = np.where(at_zero > 0.0, low, high)
         return np.where((np.abs(at_zero) > NOTHING) & np.isfinite(end), end, joints[:, i])
-    at_quarter = torque(0.5 * math.pi)  # the energy is b sin q - a cos q, its slope b cos q + a sin q
+    # the energy is b sin q - a cos q, its slope b cos q + a sin q
+    at_quarter = torque(0.5 * math.pi)
     lowest = np.arctan2(-at_zero, at_quarter)
     if math.isfinite(low):
         lowest = lowest + math.tau * np.ceil((low - lowest) / math.tau)
@@ -297,7 +298,8 @@ def joint_range(joint: Joint) -> tuple[float, float]:
 
 def _coordinates(count: int, dimension: int, rng: np.random.Generator) -> Array:
     """Samples (count,) in [0, 1) for one joint: coordinate of shifted Sobol points; beyond 21 joints, random."""
-    from skyarm.studies.sweep.sobol import BITS, DIMENSIONS, sobol  # brings the sweeps along
+    # brings the sweeps along
+    from skyarm.studies.sweep.sobol import BITS, DIMENSIONS, sobol
 
     if dimension >= DIMENSIONS:
         return rng.random(count)

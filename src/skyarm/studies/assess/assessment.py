@@ -221,7 +221,8 @@ def assess_scenario(scenario: Scenario, *, payload: float = 0.0, poses: int = PO
         ValueError: as :func:`assess_vehicle`.
     """
     bodies, agents, margins = balances(scenario), dict[str, Assessment](), dict[str, list[Finding]]()
-    once = cache(partial(assess_vehicle, payload=payload, poses=poses))  # of vehicles that are equal
+    # of vehicles that are equal
+    once = cache(partial(assess_vehicle, payload=payload, poses=poses))
     for name in scenario.agents:
         one, plant = scenario.of(name), scenario.of(name).agent.plant
         about = once(plant.vehicle, gravity=float(plant.gravity))
@@ -233,7 +234,8 @@ def assess_scenario(scenario: Scenario, *, payload: float = 0.0, poses: int = PO
         except AllocationError:  # said by the vehicle's own findings
             aloft = along = []
         found = about.findings
-        if one.agent.controller.name not in SHIPPED["law"]:  # which may turn rotors backwards
+        # which may turn rotors backwards
+        if one.agent.controller.name not in SHIPPED["law"]:
             found = tuple(replace(each, level=WARNING) if each.remedy == OWN_LAW else each for each in found)
         findings = causes_first([*found, *warnings_of_scenario(one), *aloft, *along])
         if worst_level(findings) != FAULT:  # what cannot fly has no loop to ask about

@@ -22,7 +22,8 @@ def warnings_before_flight(scenario: Scenario) -> list[str]:
         loads = {name: carried_loads(scenario, name, bodies) for name in scenario.agents}
         found = {name: _warnings_of(scenario.of(name), carried) for name, carried in loads.items()}
         first, *others = found.values()
-        shared = [line for line in first if all(line in lines for lines in others)]  # as those of the world
+        # as those of the world
+        shared = [line for line in first if all(line in lines for lines in others)]
         own = [f"{name}: {line}" for name, lines in found.items() for line in lines if line not in shared]
         return [*shared, *own]
     return _warnings_of(scenario, ())
@@ -33,7 +34,8 @@ def _warnings_of(scenario: Scenario, carried: Sequence[Load]) -> list[str]:
     lines, at = unlikely_numbers(scenario), largest_push(scenario)
     findings, pushing = along_reference(scenario, carried=carried), push_limits(scenario)
     if at is not None and scenario.worlds:
-        from skyarm.studies.assess.pressing_flights import contact_steps  # which can fly batches
+        # which can fly batches
+        from skyarm.studies.assess.pressing_flights import contact_steps
 
         pushing += contact_steps(scenario, at)
     world = scenario.agent.plant

@@ -118,8 +118,10 @@ def _coefficients(vehicle: Vehicle) -> list[Finding]:
         value, rotor = max(
             zip(values, vehicle.rotors, strict=True), key=lambda each: abs(math.log(max(each[0], 1e-300)) - middle)
         )
-        small = field == "moment_coefficient" and 0.0 < value < least  # rotors that hardly turn the vehicle still fly
-        theirs = f"rotors.{field}" in dict(vehicle.sources)  # a file of another program flies there with this number
+        # rotors that hardly turn the vehicle still fly
+        small = field == "moment_coefficient" and 0.0 < value < least
+        # a file of another program flies there with this number
+        theirs = f"rotors.{field}" in dict(vehicle.sources)
         level = OK if least <= value <= most else WARNING if small or theirs else FAULT
         name = f"rotors[{rotor.name}].{field}"
         text = f"{what}: {value:.3g} ({float(getattr(rotor, field)):g} in {name})"

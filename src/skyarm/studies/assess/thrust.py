@@ -96,7 +96,8 @@ def torque_authority(poses: ArmPoses) -> list[Finding]:
         squared, inertias = poses.squared_speeds(joints), locked_inertia(poses.vehicle, joints)
         rooms = (poses.allocation.room(squared, direction) for direction in directions)
         least = np.stack([room / inertias[:, i // 2, i // 2] for i, room in enumerate(rooms)])
-        if sides.any():  # leaning rotors push sideways where they turn: that has a torque about the centre of mass only
+        # leaning rotors push sideways where they turn: that has a torque about the centre of mass only
+        if sides.any():
             M = _mass_matrix(poses.vehicle, joints)
             lost = M[:, 3:6, :2] @ sides / M[:, :1, :1]
             least *= 1.0 - lost.diagonal(axis1=1, axis2=2).T.repeat(2, axis=0)

@@ -86,7 +86,8 @@ def feasible_worlds(task: Task, scenario: Scenario, drawn: Mapping[str, Array]) 
     """
     joints = tuple(map(float, scenario.agent.reference.at(0.0).joints))
     feasible = np.ones(len(drawn["wind"]), dtype=bool)
-    push = task.push * np.array(task.normal)  # of the surface on the tip, of a level base that looks along x
+    # of the surface on the tip, of a level base that looks along x
+    push = task.push * np.array(task.normal)
     limits = effort_limits(scenario.agent.vehicle)
     if task.push:
         feasible &= drawn["wind"] <= HALF * task.push

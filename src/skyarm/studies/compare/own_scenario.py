@@ -98,7 +98,8 @@ class OwnScenario(SummarySuite[GivenFlights]):
         refused = dict[str, str]()
         for name in named:
             try:
-                as_scenario(self.scenario, name)  # refuses a name of no law before the first flight
+                # refuses a name of no law before the first flight
+                as_scenario(self.scenario, name)
             except ValueError as error:
                 if tuple(self.laws) != LAWS:
                     raise

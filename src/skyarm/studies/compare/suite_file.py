@@ -196,7 +196,8 @@ class FileSuite(Suite[FileFlights]):
         cells, refused = list[FileFlights](), dict[str, str]()
         if any(not trial.file for trial in self.trials):
             with errors_as(ValueError, f"{self.source}: "):
-                load_vehicle(self.vehicle or PAPER)  # of all that hover: its fault is of no trial
+                # of all that hover: its fault is of no trial
+                load_vehicle(self.vehicle or PAPER)
         for trial in self.trials:
             with errors_as(ValueError, f"{self.source}: trials[{trial.name}]: "):
                 for law in self.laws:
@@ -216,7 +217,8 @@ class FileSuite(Suite[FileFlights]):
         if law != OWN and not is_gains_file(law):
             given = trial.setting(self, OWN).hover
             for name in given.agents:
-                controller_by_name(given.of(name), law)  # refuses a law that does not fit the vehicle
+                # refuses a law that does not fit the vehicle
+                controller_by_name(given.of(name), law)
         setting = trial.setting(self, law)
         if not trial.vary and not has_chance(trial.built(setting, trial.values[0])):
             trial = replace(trial, flights=1)

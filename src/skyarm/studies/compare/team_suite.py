@@ -47,7 +47,8 @@ class TeamFlights(CellFlights):
         document, folder = read_named(file_name(self.given, "scenario"), "scenario", LIBRARY)
         given, law = team_of(scenario_from(document, folder), str(self.given)), self.entrant.law
         noisy: Document = {"sensors": dataclasses.asdict(NOISE), "delays": {"measurement": DELAY}}
-        noisy["team"] = {"position_noise": NOISE.position, "attitude_noise": NOISE.attitude}  # of the carried body
+        # of the carried body
+        noisy["team"] = {"position_noise": NOISE.position, "attitude_noise": NOISE.attitude}
         changed = under_law(without_noise(document), law)
         for tables in ({"plant": {"kind": self.plant}}, noisy if self.condition.noisy else {}):
             changed = with_entries(changed, tables)

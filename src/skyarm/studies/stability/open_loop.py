@@ -60,7 +60,8 @@ def stencil_points(base: Array, attitude: Quaternion) -> tuple[Array, Array]:
         attitude: the same as ``base[3:7]``.
     """
     count = len(base)
-    widths = STEP_SIZE * np.maximum(1.0, np.abs(np.delete(base, 3)))  # a rotation has one direction less
+    # a rotation has one direction less
+    widths = STEP_SIZE * np.maximum(1.0, np.abs(np.delete(base, 3)))
     turns = slice(3, 6)
     widths[turns] = STEP_SIZE
     points = np.repeat(base[:, None], 4 * (count - 1), axis=1)
@@ -201,7 +202,8 @@ class Differentiator:
         air = stages.surroundings(self._first.with_agent(agent), row.time)
         ((force, _),) = accelerate(stages.worlds, (point.state,), (point.old,), air)
         count = noise_count(len(point.state.joints), len(point.state.rotor_speeds))
-        proper = Vec3(*map(data, force.linear))  # without drag nothing pushes along x and y
+        # without drag nothing pushes along x and y
+        proper = Vec3(*map(data, force.linear))
         now = measure(scenario.agent.noise, row.time, point.state, proper, [0] * count)
         memory, command = checked_law(scenario.agent.controller)(
             point.memory, point.seen, stages.agent.law_reference(row), self._period, par=scenario.agent.controller.par

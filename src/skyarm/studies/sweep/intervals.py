@@ -61,7 +61,8 @@ def _interval_ranks(count: int, share: float, confidence: float) -> tuple[int, i
     """Indices of the order statistics around a quantile, each end with half of the error; None if there are none."""
     tail, k = 0.5 * (1.0 - confidence), np.arange(1.0, count + 1.0)
     ratios = np.log((count + 1.0 - k) / k) + math.log(share / (1.0 - share))
-    below = np.cumsum(np.exp(np.cumsum([count * math.log1p(-share), *ratios])))  # P(at most 0, 1, ... values)
+    # P(at most 0, 1, ... values)
+    below = np.cumsum(np.exp(np.cumsum([count * math.log1p(-share), *ratios])))
     low, high = int(np.searchsorted(below, tail, "right")), int(np.searchsorted(below, 1.0 - tail)) + 1
     return (low - 1, high - 1) if low >= 1 and high <= count else None
 
@@ -88,7 +89,8 @@ def _student_quantile(degrees: int, confidence: float) -> float:
     Source: Abramowitz, Stegun 1964, equations 26.7.3 and 26.7.4.
     """
     n = min(degrees, MOST_DEGREES)
-    k = np.arange(2 + n % 2, n, 2)  # the first term is 1, then each is (k - 1) / k times the one before
+    # the first term is 1, then each is (k - 1) / k times the one before
+    k = np.arange(2 + n % 2, n, 2)
     factors = np.cumprod([1.0, *((k - 1.0) / k)])
     low, high = 0.0, 0.5 * math.pi
     for _ in range(60):

@@ -171,7 +171,8 @@ def scatter(knobs: Sequence[GainKnob], count: int, seed: int, starts: Array | No
         line[::2] = speeds[::2, None]
     rest = max(count - len(begin) - LINE, 0)
     numbers = np.arange(1 + 4096 * seed, 1 + 4096 * seed + rest)
-    points = np.random.default_rng(seed).uniform(size=(rest, len(knobs)))  # of knobs beyond Sobol's dimensions
+    # of knobs beyond Sobol's dimensions
+    points = np.random.default_rng(seed).uniform(size=(rest, len(knobs)))
     for k in range(min(len(knobs), DIMENSIONS)):
         points[:, k] = (sobol(numbers, k).astype(float) + 0.5) / 2.0**BITS
     reach = np.array(REACHES)[np.arange(rest) % len(REACHES)]

@@ -31,7 +31,8 @@ def properties_rotors(file: RotorFile) -> tuple[StatedRotor, ...]:
     mass = number(root.find("link[1]/inertial/mass"), "value", "mass", 0.0)
     scales = {
         "kf": ("thrust_coefficient", PER_RPM),
-        "km": ("moment_coefficient", 1.0 / (kf or 1.0)),  # kf = 0 is refused as a thrust coefficient
+        # kf = 0 is refused as a thrust coefficient
+        "km": ("moment_coefficient", 1.0 / (kf or 1.0)),
         "thrust2weight": (MAX_THRUST, mass * GRAVITY / max(len(links), 1)),
     }
     stated = {word: each for word, each in scales.items() if properties.get(word)}

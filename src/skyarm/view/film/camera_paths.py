@@ -132,7 +132,8 @@ def _distance_for_positions(places: Array, flights: Flights, aspect: float, azim
     """Camera distance at which vehicles at all given positions (N, 3), relative to its target, are in view."""
     across, upwards, away = (places @ _axes_of_view(azimuth)).T
     slope = math.tan(math.radians(0.5 * FIELD_OF_VIEW))
-    margin = 1.6 * max(longest_boom(flight.vehicle) for flight in flights)  # the largest vehicle is drawn within it
+    # the largest vehicle is drawn within it
+    margin = 1.6 * max(longest_boom(flight.vehicle) for flight in flights)
     needed = [
         (np.abs(off) + margin * share * math.hypot(1.0, edge)) / edge - away
         for off, edge, share in ((across, slope * aspect, 1.0), (upwards, slope, HEIGHT))

@@ -21,7 +21,8 @@ Rows = Iterable[Iterable[Any]]
 
 @cache
 def _templates() -> Environment:
-    from jinja2 import Environment, PackageLoader, StrictUndefined  # 60 ms, which only a page costs
+    # 60 ms, which only a page costs
+    from jinja2 import Environment, PackageLoader, StrictUndefined
 
     loader = PackageLoader("skyarm", "")
     return Environment(loader=loader, autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)

@@ -224,7 +224,8 @@ class Fleet(Clock):
         require_writable(str(folder))
         written, without = [], []
         for flight in self.flights:
-            name = f"{self.scenario.name}_{Path(flight.title).stem}"  # a file of gains is named by its path
+            # a file of gains is named by its path
+            name = f"{self.scenario.name}_{Path(flight.title).stem}"
             ends = itertools.chain([""], (f"_{k}" for k in itertools.count(1)))
             pairs = ((folder / f"{name}{end}{LOG}", folder / f"{name}{end}{SCENARIO}") for end in ends)
             log, file = next(pair for pair in pairs if not any(path.exists() for path in pair))
@@ -319,7 +320,8 @@ class Flight:
     def values(self) -> Mapping[str, float]:
         """Present value of every parameter that differs from the scenario's or was set, by parameter path."""
         values, now = self.numbers, self.session.scenario
-        if self.due or values:  # numbers under another path, in replaced parts, or that follow from those
+        # numbers under another path, in replaced parts, or that follow from those
+        if self.due or values:
             for knob in self.knobs:
                 with suppress(ScenarioError):
                     if knob.path not in values and (value := number_at(now, knob.path)) != knob.value:

@@ -166,7 +166,8 @@ def _serving(module: Any, listening: socket.socket, guard: AccessGuard, inputs: 
         def answer(connection: ServerConnection, request: Request) -> Response | None:
             try:
                 return respond(connection, request)
-            except (ValueError, LookupError, OSError):  # no address, a header twice, no text, a name beyond the disk's
+            except (ValueError, LookupError, OSError):
+                # no address, a header twice, no text, a name beyond the disk's
                 return connection.respond(http.HTTPStatus.BAD_REQUEST, "400: must be a request of a browser\n")
 
         def respond(connection: ServerConnection, request: Request) -> Response | None:

@@ -109,7 +109,8 @@ def edge_touches(a: PlacedBox, b: PlacedBox) -> Iterator[tuple[Vec3, Scalar, Vec
         for k, ((off, room_a), (to, room_b)) in enumerate(product(ours, theirs)):
             r = between + off - to
             depth, ru, rv = -r.dot(n), r.dot(u), r.dot(v)
-            if k == 0:  # the farthest of both: what is between here and there, parts nothing
+            # the farthest of both: what is between here and there, parts nothing
+            if k == 0:
                 overlap = minimum(overlap, where(sine > SLANT, depth, overlap))
             s, t = divide(rv * cosine - ru, square), divide(rv - ru * cosine, square)
             end = maximum(depth, END)

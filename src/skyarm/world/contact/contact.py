@@ -245,11 +245,13 @@ class Contact(ContactSteps):
         meetings = self.meetings(memory, motion)
         rows = zip(self.carriers, memory.carried, self.on_carriers(memory, motion, meetings, t), strict=True)
         return replace(
-            rebuild(memory, repeat(0.0)),  # grippers and grasps change at control instants only
+            # grippers and grasps change at control instants only
+            rebuild(memory, repeat(0.0)),
             clock=tuple(1.0 for _ in memory.clock),
             bristles=as_data(tuple(each.touch.bristle_rate for each in meetings)),
             carried=tuple(carrier.slope(body, *push, motion.gravity) for carrier, body, push in rows),
-            constraints=memory.constraints,  # zeros within a plant that exerts them itself
+            # zeros within a plant that exerts them itself
+            constraints=memory.constraints,
         )
 
     def before_euler_step(self, memory: ContactMemory, slope: ContactMemory, dt: Scalar) -> ContactMemory:

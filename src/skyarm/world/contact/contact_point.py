@@ -162,7 +162,8 @@ def touch_of(
         mean: time (s) in which a point makes the way that the depth is a mean over; the material's longest step of a
             contact with a vehicle if left out.
     """
-    bristle, along = _across(deflection, axis), _across(slip, axis)  # a round surface's normal turns
+    # a round surface's normal turns
+    bristle, along = _across(deflection, axis), _across(slip, axis)
     rate = material.bristle_rate(bristle, along, depth, step)
     normal = material.normal_force(depth, -slip.dot(axis), mean)
     friction = material.friction_force(bristle, material.bending_rate(bristle, along), normal, mass)

@@ -116,7 +116,8 @@ class Grasp:
         square, decay = self.stiffness * tip, self.damping * tip
         for each in together:
             mobility = carrier.mobility_of(each.place)
-            if each.kind == "fixed":  # over the patch, on the body's smallest moment of inertia
+            # over the patch, on the body's smallest moment of inertia
+            if each.kind == "fixed":
                 inertia = maximum(divide(carrier.gyration, carrier.mobility_of(ZERO3)), TINY)
                 mobility = mobility + divide(each.radius * each.radius, inertia)
             square, decay = square + each.stiffness * mobility, decay + each.damping * mobility

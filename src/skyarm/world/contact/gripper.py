@@ -279,7 +279,8 @@ class Gripper:
             place = select(takes, body.rotation.apply_T(frame.position - body.position), place)
             normal = select(takes, body.rotation.apply_T(outward), normal)
             now = frame.rotation.T @ body.rotation
-            if hold.twist is not None:  # the ball has turned in its socket by what friction did not bear
+            # the ball has turned in its socket by what friction did not bear
+            if hold.twist is not None:
                 slipped = frame.rotation.T @ Quaternion.of_small_rotation(hold.twist).rotation() @ body.rotation
                 turn = blend(is_taken(grip.taken, i + 1.0), as_data(slipped), turn)
             turn = blend(takes, as_data(now), turn)

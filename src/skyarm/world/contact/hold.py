@@ -81,7 +81,8 @@ def longest_step(square: Scalar, decay: Scalar, *, euler: bool) -> Scalar:
     """
     if euler:
         return euler_step_of(square, decay)
-    half = 0.5 * decay  # the faster of the two poles of an overdamped grasp, or the frequency
+    # the faster of the two poles of an overdamped grasp, or the frequency
+    half = 0.5 * decay
     return BRISTLE_STEP / (maximum(half, sqrt(square)) + sqrt(maximum(half * half - square, 0.0)))
 
 

@@ -93,7 +93,8 @@ def _settle(residual: Residual, pushes: Callable[[Array], list[Push]], x: Array)
             there = x + np.linalg.solve(DAMPED / pace - slopes, left)
             after = residual(there)
             share = np.abs(after).max() / size
-            if not share < 1.0 and size < SMALL + ROUNDED / depth:  # on an edge it may be balanced, and falls
+            # on an edge it may be balanced, and falls
+            if not share < 1.0 and size < SMALL + ROUNDED / depth:
                 return x if np.linalg.eigvals(slopes).real.max() < UNSTABLE else None
             pace *= 10.0 if share < 1.0 else 2.0 if share < 1.5 else 0.1
             x, left = (there, after) if share < 1.5 else (x, left)
@@ -244,7 +245,8 @@ def balance(pushes: Sequence[tuple[Vec3, Vec3]], weight: float) -> tuple[float, 
     for arm, push in pushes:
         size = float(push.dot(push)) ** 0.5
         force, moment, middle, sizes = force + push, moment + arm.cross(push), middle + arm * size, sizes + size
-    total = math.copysign(float(force.dot(force)) ** 0.5, float(force.z))  # below 0: out of the lower side of a plate
+    # below 0: out of the lower side of a plate
+    total = math.copysign(float(force.dot(force)) ** 0.5, float(force.z))
     if total == 0.0:
         return -weight, Vec3(0.0, 0.0, 0.0)
     across = Vec3(0.0, 0.0, weight) - force

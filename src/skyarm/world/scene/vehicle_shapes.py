@@ -172,7 +172,8 @@ def _program(vehicle: Vehicle) -> Program:
         R_WB = Quaternion(*(divide(c, length) for c in q)).rotation()
         links = [(R_WB @ pose.R, position + R_WB.apply(pose.p)) for pose in link_poses(vehicle, joints)]
         bodies = [(R_WB, position), *links]
-        R_tip, tip = bodies[0 if frame is None else frame.link + 1]  # the base's link is -1
+        # the base's link is -1
+        R_tip, tip = bodies[0 if frame is None else frame.link + 1]
         tip = tip if frame is None else tip + R_tip.apply(frame.position)
         rows = [(*chain.from_iterable(R.rows), *p) for R, p in bodies]
         return (*chain.from_iterable(rows), *tip)

@@ -85,7 +85,8 @@ class LeaderFollower(Sharing):
                 excess = (force - load * share - pull).dot(line) * inputs.holding
                 pushed = -excess - self.damping * body.rate - self.stiffness * body.offset
                 bend = divide(pushed, self.virtual_mass)
-                free = absolute(body.offset + (body.rate + bend * dt) * dt) < FARTHEST  # at the bound the tip rests
+                # at the bound the tip rests
+                free = absolute(body.offset + (body.rate + bend * dt) * dt) < FARTHEST
                 bend, rate = where(free, bend, 0.0), where(free, body.rate + bend * dt, 0.0)
                 moved = Yielding(offset=data(clip(body.offset + rate * dt, -FARTHEST, FARTHEST)), rate=data(rate))
             after.append(moved)

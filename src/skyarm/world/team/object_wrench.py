@@ -378,7 +378,8 @@ class ObjectWrench(Sharing):
         """
         if absent(self.rate) and not self.delay:
             return 1.0
-        sent = divide(1.0, maximum(1.0 - self.loss, SMALL)) - 0.5  # mean number of intervals since one that arrives
+        # mean number of intervals since one that arrives
+        sent = divide(1.0, maximum(1.0 - self.loss, SMALL)) - 0.5
         return divide(1.0, 1.0 + self.blind * (self.delay + self._interval * sent))
 
     @property
@@ -454,4 +455,5 @@ class ObjectWrench(Sharing):
             )
             sent.append(as_data(message))
         left = 0.0 if absent(self.rate) else since - now * interval
-        return tuple(sent), where(left > interval, 0.0, left)  # after the first message, which is sent at once
+        # after the first message, which is sent at once
+        return tuple(sent), where(left > interval, 0.0, left)

@@ -437,6 +437,7 @@ def bearable(disturbance: Array, most: Array) -> Array:
     What pushes harder carries the arm away until it lies along the push. A torque foreseen as constant would spin it
     up over the whole horizon, and no plan would be found.
     """
-    driven = most > 0.0  # no actuator balances a passive joint's load, and it is predicted as it is
+    # no actuator balances a passive joint's load, and it is predicted as it is
+    driven = most > 0.0
     share = np.max(np.abs(disturbance[6:][driven]) / (BEARABLE * most[driven]), initial=1.0)
     return disturbance if share == 1.0 else np.append(disturbance[:3], disturbance[3:] / share)

@@ -119,7 +119,8 @@ def learn_load(
     mass, about_x, about_y = missing(model.vehicle, gains, at, beyond)
     least = gains.light * gains.limit
     small = gains.noise_share * (memory.mass + least)
-    large = divide(mass * mass, mass * mass + small * small)  # 0 where the mass is settled
+    # 0 where the mass is settled
+    large = divide(mass * mass, mass * mass + small * small)
     step = _step(gains.pace, bandwidth, holds, learns, dt) * (gains.settled_rate + (1.0 - gains.settled_rate) * large)
     m = clip(memory.mass + step * mass, 0.0, gains.limit)
     slow = _step(gains.place_pace, bandwidth, holds, learns, dt) * (1.0 - large)
